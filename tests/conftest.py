@@ -1,0 +1,18 @@
+"""Shared fixtures: where the real rigs are, and no surprises from the machine the tests run on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Folder of real characters, mocap and terrain beside the repository; tests that need it skip without it."""
+    folder = REPOSITORY.parent / "shared" / "data"
+    if not folder.is_dir():
+        pytest.skip("real rigs are not beside this checkout (../shared/data)")
+    return folder
