@@ -1,0 +1,263 @@
+"""What the feet of an in-place locomotion clip do: stance, lift-off, speed, and the clip re-phased to leg 0's lift-off.
+
+A foot is planted while its contact point is low (against this leg's own lowest level) and moves backward with the
+ground. Both are needed: galloping feet are low before they land, stalking feet hang still in the air.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from crowd import posing
+from crowd.errors import fail
+from crowd.resampling import resample, resample_rotation
+from crowd.types import Archetype, Clip, Motion
+
+FINE = 240  # samples per cycle used for detection; divisible by every stride count tried
+SWING_SAMPLES = 33
+MOST_STRIDES = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Gait:
+    """One stride of a locomotion clip. Phases are fractions of the cycle; phase 0 is leg 0's lift-off.
+
+    Legs are in the archetype's order. Positions are in the character frame (metres, y up, +z forward).
+    """
+
+    name: str
+    period: float  # s, one stride (a clip of several strides is averaged into one)
+    speed: float  # m/s over the ground along `direction`; 0 for stepping on the spot
+    direction: np.ndarray  # [2] unit (x, z) travel in the character frame: (0, 1) forward, (1, 0) to the left
+    lift: np.ndarray  # [L] phase of lift-off, in [0, 1); lift[0] == 0
+    duty: np.ndarray  # [L] share of the cycle the foot is planted, in [0.05, 0.95]; stance ends at `lift`
+    rest: np.ndarray  # [L, 2] m (x, z) place of the contact point at mid-stance
+    rotation: np.ndarray  # [S, J, 4] wxyz, joint to parent
+    translation: np.ndarray  # [S, J, 3] m, in the parent's frame
+    contact_point: np.ndarray  # [S, L, 3] m
+    ankle: np.ndarray  # [S, L, 3] m
+    swing_height: np.ndarray  # [33, L] m, height of the contact point over swing progress 0..1, zero at both ends
+    notes: tuple[str, ...] = field(default=())  # what is unsure, for the user
+
+    @property
+    def touchdown(self) -> np.ndarray:
+        """[L] phase at which each foot lands, in [0, 1)."""
+        return np.mod(self.lift - self.duty, 1.0)
+
+    @property
+    def stride(self) -> float:
+        """m travelled in one cycle."""
+        return self.speed * self.period
+
+
+def analyse(archetype: Archetype, clip: Clip, samples: int = 64) -> Gait:
+    """The gait of an in-place cyclic clip.
+
+    samples: rows S of the re-phased tables. `clip.speed` is taken where given, else the speed is the mean backward
+    velocity of the contact points in stance.
+    Raises InputError when the archetype has no legs or no foot moves in the clip. A foot that stays still while others
+    step gets duty 0.95; one that never touches down properly is planted where it is lowest; both are noted.
+    """
+    where = f"{archetype.source} clip '{clip.name}'"
+    if not archetype.legs:
+        raise fail(where, "the archetype has no legs, a gait needs at least one")
+    if len(clip.rotation) < 4:
+        raise fail(where, f"{len(clip.rotation)} samples, a gait needs at least 4")
+    rotation, translation, strides = _mean_stride(archetype, clip)
+    period = clip.duration / strides
+    contact, _ = feet(archetype, rotation, translation)
+    lengths = leg_lengths(archetype)
+    if np.all(np.ptp(contact, axis=0).max(-1) < 0.02 * lengths):
+        raise fail(where, "no foot moves by more than 2 % of its leg's length, so this is not a walk")
+    planted, direction, notes = _stances(archetype, contact, lengths, period)
+    if strides > 1:
+        notes.insert(0, f"clip '{clip.name}' holds {strides} strides; their mean is used")
+    lift, duty = _intervals(planted)
+    speed = clip.speed if clip.speed is not None else _stance_speed(contact, planted, direction, period)
+    rest = np.stack([contact[planted[:, leg], leg][:, [0, 2]].mean(0) for leg in range(len(archetype.legs))])
+    start = lift[0] * FINE
+    at = start + np.arange(samples) / samples * FINE
+    table_q, table_t = resample_rotation(rotation, at, True), resample(translation, at, True)
+    table_contact, table_ankle = feet(archetype, table_q, table_t)
+    return Gait(
+        name=clip.name,
+        period=period,
+        speed=float(speed),
+        direction=direction,
+        lift=np.mod(lift - lift[0], 1.0),
+        duty=duty,
+        rest=rest,
+        rotation=table_q,
+        translation=table_t,
+        contact_point=table_contact,
+        ankle=table_ankle,
+        swing_height=_swing_height(contact[..., 1], lift, duty),
+        notes=tuple(notes),
+    )
+
+
+def feet(archetype: Archetype, rotation: np.ndarray, translation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Contact points [F, L, 3] and ankles [F, L, 3] in the character frame, of poses [F, J, 4] and [F, J, 3]."""
+    count = len(rotation)
+    still = Motion(np.zeros((count, 3)), np.tile([1.0, 0, 0, 0], (count, 1)), rotation, translation, np.ones(count))
+    joint_q, joint_p = posing.world_transforms(archetype.skeleton, still)
+    ball = [leg.ball for leg in archetype.legs]
+    offset = np.array([leg.ball_offset for leg in archetype.legs])
+    ankle = [leg.ankle for leg in archetype.legs]
+    return joint_p[:, ball] + posing.rotate(joint_q[:, ball], offset), joint_p[:, ankle]
+
+
+def leg_lengths(archetype: Archetype) -> np.ndarray:
+    """Length of each leg along its bones from hip to contact point [L], m, in the rest pose; at least 1 mm."""
+    joint_q, joint_p = posing.world_transforms(archetype.skeleton, posing.rest_motion(archetype.skeleton))
+    lengths = []
+    for leg in archetype.legs:
+        tip = joint_p[leg.ball] + posing.rotate(joint_q[leg.ball], np.array(leg.ball_offset))
+        chain = [tip, joint_p[leg.ankle], joint_p[leg.knee], joint_p[leg.hip]]
+        lengths.append(sum(np.linalg.norm(a - b) for a, b in itertools.pairwise(chain)))
+    return np.maximum(np.array(lengths), 1e-3)
+
+
+def _mean_stride(archetype: Archetype, clip: Clip) -> tuple[np.ndarray, np.ndarray, int]:
+    """Pose of one stride at FINE samples, and how many strides the clip holds."""
+    for strides in range(MOST_STRIDES, 1, -1):
+        at = np.arange(strides * FINE) * (len(clip.rotation) / (strides * FINE))
+        rotation, translation = resample_rotation(clip.rotation, at, True), resample(clip.translation, at, True)
+        contact, _ = feet(archetype, rotation, translation)
+        spread = contact - contact.mean(0)
+        by_stride = contact.reshape(strides, FINE, *contact.shape[1:])
+        change = by_stride - np.roll(by_stride, 1, 0)
+        # feet out of step by half a cycle differ by about twice their spread; equal strides hardly at all
+        if np.mean(change**2) < 0.25**2 * np.mean(spread**2):
+            q = rotation.reshape(strides, FINE, *rotation.shape[1:])
+            q = np.sum(np.where(np.sum(q * q[:1], -1, keepdims=True) < 0, -q, q), 0)
+            q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+            return q, translation.reshape(strides, FINE, *translation.shape[1:]).mean(0), strides
+    at = np.arange(FINE) * (len(clip.rotation) / FINE)
+    return resample_rotation(clip.rotation, at, True), resample(clip.translation, at, True), 1
+
+
+def _velocity(contact: np.ndarray, period: float) -> np.ndarray:
+    """Periodic central difference over 4 % of the cycle, m/s: clips keyed at 24 Hz are piecewise linear."""
+    reach = round(0.02 * FINE)
+    return (np.roll(contact, -reach, 0) - np.roll(contact, reach, 0)) * FINE / (2 * reach * period)
+
+
+def _stances(
+    archetype: Archetype, contact: np.ndarray, lengths: np.ndarray, period: float
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Planted mask [FINE, L] with one interval per leg, travel direction [2] and notes."""
+    height = contact[..., 1] - np.percentile(contact[..., 1], 2, axis=0)
+    level = np.maximum(0.15 * np.percentile(height, 98, axis=0), 0.012 * lengths)
+    low = height < level
+    velocity = _velocity(contact, period)[..., [0, 2]]
+    direction, pace = _travel(velocity, low, lengths, period)
+    backward = -velocity @ direction
+    notes: list[str] = []
+    planted = np.zeros_like(low)
+    for leg, name in enumerate(leg.name for leg in archetype.legs):
+        moving = backward[:, leg] > 0.25 * pace
+        near = height[:, leg] < 2 * level[leg]
+        choices = [low[:, leg] & moving, low[:, leg], moving] if pace > 0 else [low[:, leg]]
+        runs = [_longest_run(_closed(choice, near)) for choice in choices]
+        usable = [run for run in runs if 0.05 * FINE <= run[1] <= 0.95 * FINE]
+        if not usable:
+            longest = max(run[1] for run in runs)
+            notes.append(
+                f"leg '{name}' hardly moves and is taken as planted"
+                if longest > 0.5 * FINE
+                else f"leg '{name}' never touches the ground for long; it is planted where it is lowest"
+            )
+            usable = [_around_lowest(height[:, leg], 0.95 if longest > 0.5 * FINE else 0.1)]
+        elif usable[0] is not runs[0]:
+            notes.append(f"leg '{name}': the foot is not both low and moving backward; its stance is a guess")
+        start, length = usable[0]
+        planted[(start + np.arange(length)) % FINE, leg] = True
+    return planted, direction, notes
+
+
+def _travel(velocity: np.ndarray, low: np.ndarray, lengths: np.ndarray, period: float) -> tuple[np.ndarray, float]:
+    """Travel direction [2] and typical backward speed of low feet (0: stepping on the spot)."""
+    mean = velocity[low].mean(0)
+    pace = float(np.linalg.norm(mean))
+    if pace * period < 0.05 * lengths.mean():
+        return np.array([0.0, 1.0]), 0.0
+    direction = -mean / pace
+    axis = np.round(direction)
+    # sway of the feet turns a straight walk by a few degrees; an intended diagonal is far from every axis
+    if np.abs(direction).max() > np.cos(np.radians(12)):
+        direction = axis
+    speeds = -(velocity[low] @ direction)
+    return direction, float(np.median(speeds[speeds > 0]))
+
+
+def _closed(mask: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Gaps of up to 6 % of the cycle filled where the foot stays near the ground (a bounce, a rolling foot)."""
+    if not mask.any() or mask.all():
+        return mask
+    out = mask.copy()
+    edge = int(np.argmax(mask & ~np.roll(mask, -1)))  # last sample of some run, so that no gap wraps
+    order = (edge + 1 + np.arange(FINE)) % FINE
+    gap: list[int] = []
+    for index in order:
+        if mask[index]:
+            if len(gap) <= 0.06 * FINE and near[gap].all():
+                out[gap] = True
+            gap = []
+        else:
+            gap.append(int(index))
+    return out
+
+
+def _longest_run(mask: np.ndarray) -> tuple[int, int]:
+    """(first sample, length) of the longest run of a periodic mask."""
+    if mask.all():
+        return 0, len(mask)
+    best, start, length = (0, 0), 0, 0
+    offset = int(np.argmin(mask))  # begin outside every run
+    for step in range(1, len(mask) + 1):
+        index = (offset + step) % len(mask)
+        if mask[index]:
+            start = index if length == 0 else start
+            length += 1
+            best = (start, length) if length > best[1] else best
+        else:
+            length = 0
+    return best
+
+
+def _around_lowest(height: np.ndarray, share: float) -> tuple[int, int]:
+    length = round(share * FINE)
+    window = np.convolve(np.concatenate([height, height[: length - 1]]), np.ones(length), "valid")
+    return int(np.argmin(window)), length
+
+
+def _intervals(planted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lift-off phase [L] (clip time) and duty [L] of masks with one run each; edges lie midway between samples."""
+    runs = [_longest_run(planted[:, leg]) for leg in range(planted.shape[1])]
+    lift = np.array([(start + length - 0.5) / FINE for start, length in runs])
+    duty = np.array([length / FINE for _, length in runs])
+    return np.mod(lift, 1.0), np.clip(duty, 0.05, 0.95)
+
+
+def _stance_speed(contact: np.ndarray, planted: np.ndarray, direction: np.ndarray, period: float) -> float:
+    """Mean backward velocity over the middle 80 % of every stance: the edges are where the foot rolls on and off."""
+    backward = -_velocity(contact, period)[..., [0, 2]] @ direction
+    speeds = []
+    for leg in range(planted.shape[1]):
+        start, length = _longest_run(planted[:, leg])
+        margin = round(0.1 * length)
+        speeds.append(backward[(start + np.arange(margin, max(length - margin, margin + 1))) % FINE, leg])
+    return max(float(np.concatenate(speeds).mean()), 0.0)
+
+
+def _swing_height(height: np.ndarray, lift: np.ndarray, duty: np.ndarray) -> np.ndarray:
+    progress = np.linspace(0.0, 1.0, SWING_SAMPLES)
+    rows = []
+    for leg in range(height.shape[1]):
+        curve = resample(height[:, leg], (lift[leg] + progress * (1 - duty[leg])) * FINE, True)
+        rows.append(np.maximum(curve - curve[0] * (1 - progress) - curve[-1] * progress, 0.0))
+    return np.stack(rows, -1)
