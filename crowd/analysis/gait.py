@@ -1,7 +1,8 @@
 """What the feet of an in-place locomotion clip do: stance, lift-off, speed, and the clip re-phased to leg 0's lift-off.
 
 A foot is planted while its contact point is low (against this leg's own lowest level) and moves backward with the
-ground. Both are needed: galloping feet are low before they land, stalking feet hang still in the air.
+ground, or rests on it while the body pauses (a stalking walk). Height alone is not enough: galloping feet swing
+forward low before they land.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ def analyse(archetype: Archetype, clip: Clip, samples: int = 64) -> Gait:
     """The gait of an in-place cyclic clip.
 
     samples: rows S of the re-phased tables. `clip.speed` is taken where given, else the speed is the mean backward
-    velocity of the contact points in stance.
+    velocity of the planted contact points.
     Raises InputError when the archetype has no legs or no foot moves in the clip. A foot that stays still while others
     step gets duty 0.95; one that never touches down properly is planted where it is lowest; both are noted.
     """
@@ -159,7 +160,7 @@ def _stances(
     notes: list[str] = []
     planted = np.zeros_like(low)
     for leg, name in enumerate(leg.name for leg in archetype.legs):
-        moving = backward[:, leg] > 0.25 * pace
+        moving = (backward[:, leg] > 0.25 * pace) | _pause(height[:, leg], velocity[:, leg], level[leg], pace)
         near = height[:, leg] < 2 * level[leg]
         choices = [low[:, leg] & moving, low[:, leg], moving] if pace > 0 else [low[:, leg]]
         runs = [_longest_run(_closed(choice, near)) for choice in choices]
@@ -173,7 +174,7 @@ def _stances(
             )
             usable = [_around_lowest(height[:, leg], 0.95 if longest > 0.5 * FINE else 0.1)]
         elif usable[0] is not runs[0]:
-            notes.append(f"leg '{name}': the foot is not both low and moving backward; its stance is a guess")
+            notes.append(f"leg '{name}': the foot is never both low and free of forward motion; its stance is a guess")
         start, length = usable[0]
         planted[(start + np.arange(length)) % FINE, leg] = True
     return planted, direction, notes
@@ -192,6 +193,19 @@ def _travel(velocity: np.ndarray, low: np.ndarray, lengths: np.ndarray, period: 
         direction = axis
     speeds = -(velocity[low] @ direction)
     return direction, float(np.median(speeds[speeds > 0]))
+
+
+def _pause(height: np.ndarray, velocity: np.ndarray, level: float, pace: float) -> np.ndarray:
+    """Where a foot lies still on the ground for at least 10 % of the cycle; shorter rests are turns of the swing."""
+    still = (height < level / 3) & (np.linalg.norm(velocity, axis=-1) < 0.1 * pace)
+    out = np.zeros_like(still)
+    while still.any():
+        start, length = _longest_run(still)
+        if length < 0.1 * FINE:
+            break
+        run = (start + np.arange(length)) % FINE
+        out[run], still[run] = True, False
+    return out
 
 
 def _closed(mask: np.ndarray, near: np.ndarray) -> np.ndarray:
@@ -244,14 +258,20 @@ def _intervals(planted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _stance_speed(contact: np.ndarray, planted: np.ndarray, direction: np.ndarray, period: float) -> float:
-    """Mean backward velocity over the middle 80 % of every stance: the edges are where the foot rolls on and off."""
+    """Mean over the cycle of the ground's backward speed, told at each instant by the feet planted then.
+
+    Only the middle 80 % of every stance counts (at its edges the foot rolls on and off), and only instants at which
+    some foot tells it. Averaging over time rather than over feet is right for bodies that surge or pause.
+    """
     backward = -_velocity(contact, period)[..., [0, 2]] @ direction
-    speeds = []
+    sure = np.zeros_like(planted)
     for leg in range(planted.shape[1]):
         start, length = _longest_run(planted[:, leg])
         margin = round(0.1 * length)
-        speeds.append(backward[(start + np.arange(margin, max(length - margin, margin + 1))) % FINE, leg])
-    return max(float(np.concatenate(speeds).mean()), 0.0)
+        sure[(start + np.arange(margin, max(length - margin, margin + 1))) % FINE, leg] = True
+    told = sure.any(1)
+    speed = np.sum(backward * sure, 1)[told] / sure.sum(1)[told]
+    return max(float(speed.mean()), 0.0)
 
 
 def _swing_height(height: np.ndarray, lift: np.ndarray, duty: np.ndarray) -> np.ndarray:

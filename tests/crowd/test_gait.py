@@ -154,3 +154,15 @@ def test_still_clip_is_refused() -> None:
     still = Clip("wave", "other", 1.0, clip.rotation, np.tile(body.skeleton.rest_translation, (96, 1, 1)))
     with pytest.raises(InputError, match="clip 'wave': no foot moves"):
         gait.analyse(body, still)
+
+
+def test_a_body_that_pauses_over_its_feet() -> None:
+    """Step, step, wait: both feet rest for half of the cycle, so the mean speed is half of the stepping speed."""
+    body = legged(BIPED)
+    clip = stepping(body, [0, 0.5], [0.5, 0.5], 1.0, period=1.0, frames=60)
+    wait = np.tile(clip.translation[:1], (60, 1, 1))
+    longer = Clip("stalk", "walk", 2.0, np.tile(clip.rotation, (2, 1, 1)), np.concatenate([clip.translation, wait]))
+    found = gait.analyse(body, longer)
+    assert found.period == pytest.approx(2.0)
+    assert np.abs(found.duty - 0.75).max() < 0.06
+    assert found.speed == pytest.approx(0.5, rel=0.1)
