@@ -1,0 +1,270 @@
+"""What has to hold between parts of a scenario: names, times, rates, overlaps, files, sizes.
+
+Runs on whichever parts are valid by themselves, so that one bad key does not hide the other problems.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from crowd.errors import Problem, nearest
+from crowd.scenario_herd import (
+    ASSET_SUFFIXES,
+    BUILT_IN,
+    MAX_CHARACTERS,
+    Event,
+    Herd,
+    Normal,
+    Places,
+    PoissonDisc,
+    Uniform,
+)
+from crowd.scenario_types import Model
+from crowd.scenario_world import FluidRegion, FluidTable, HeightMap, Ramp, World
+from crowd.scenario_yaml import Document, KeyPath
+
+M = TypeVar("M", bound=Model)
+MAP_SUFFIXES = (".png", ".npy", ".asc", ".npz")
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """The valid parts of a document, by their key paths."""
+
+    herds: dict[int, Herd]
+    names: dict[int, str]  # of all herds, valid or not
+    events: dict[int, Event]
+    world: World | None
+    regions: dict[int, FluidRegion]
+    rate: int | None
+    duration: float | None  # s
+    cut_short: bool  # duration_s or frames came from an override: later events and pictures simply do not happen
+
+
+def recording_bytes(count: int, joints: int, legs: int, frames: int, pose: bool = True) -> int:
+    """Uncompressed size of a recording of `frames` recorded frames."""
+    scalars = 3 * 5 + 9 + legs * 11  # vectors, scalars, feet
+    return 4 * count * frames * (scalars + (7 + 7 * joints if pose else 0))
+
+
+def cross_checks(document: Document, data: dict[str, Any], table: FluidTable | None, folder: Path) -> list[Problem]:
+    """Problems between the parts of a scenario. data: in declared keys (see `validate`)."""
+    parts = _parts(document, data)
+    checks = (_sizes, _names, _places, _variations, _ground, _overlaps, _events, _times)
+    problems = [Problem(document.where(path), text) for check in checks for path, text in check(parts, data)]
+    problems += [Problem(document.where(path), text) for path, text in _files(parts, folder)]
+    if table is not None:
+        problems += [Problem(document.where(path), text) for path, text in _fluids(parts, table)]
+    return problems
+
+
+Found = Iterator[tuple[KeyPath, str]]
+
+
+def _valid(model: type[M], data: Any) -> M | None:
+    try:
+        return model.model_validate(data)
+    except ValidationError:
+        return None
+
+
+def _each(model: type[M], items: Any) -> dict[int, M]:
+    listed = items if isinstance(items, list) else []
+    return {i: valid for i, item in enumerate(listed) if (valid := _valid(model, item)) is not None}
+
+
+def _number(value: Any) -> float | None:
+    return value if isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 1e12 else None
+
+
+def _parts(document: Document, data: dict[str, Any]) -> _Parts:
+    herds = data.get("herds")
+    listed = herds if isinstance(herds, list) else []
+    names = {i: herd["name"] for i, herd in enumerate(listed) if isinstance(herd, dict) and "name" in herd}
+    world = data.get("world", {})
+    rate = _number(data.get("rate_hz", 60))
+    duration, frames = _number(data.get("duration_s")), _number(data.get("frames"))
+    if duration is None and frames is not None and rate is not None:
+        duration = frames / rate
+    return _Parts(
+        herds=_each(Herd, herds),
+        names={i: name for i, name in names.items() if isinstance(name, str)},
+        events=_each(Event, data.get("events")),
+        world=_valid(World, world),
+        regions=_each(FluidRegion, world.get("fluids") if isinstance(world, dict) else None),
+        rate=int(rate) if rate is not None else None,
+        duration=duration,
+        cut_short=bool({("duration_s",), ("frames",)} & document.overridden.keys()),
+    )
+
+
+def _sizes(parts: _Parts, data: dict[str, Any]) -> Found:
+    """The number of characters is refused before anything is allocated."""
+    total = 0
+    herds = data.get("herds")
+    for herd in herds if isinstance(herds, list) else []:
+        count = _number(herd.get("count")) if isinstance(herd, dict) else None
+        total += int(count or 0)
+    if total > MAX_CHARACTERS:
+        frames = int((parts.duration or 1.0) * 30)
+        size = recording_bytes(total, 25, 2, frames) / 1e9
+        yield (
+            ("herds",),
+            f"{total:,} characters in all; at most {MAX_CHARACTERS:,} (this many would need about "
+            f"{recording_bytes(total, 25, 2, 1) / 1e9:,.1f} GB of memory and record about {size:,.0f} GB)",
+        )
+
+
+def _names(parts: _Parts, data: dict[str, Any]) -> Found:
+    first: dict[str, int] = {}
+    for index, name in parts.names.items():
+        if name in first:
+            yield ("herds", index, "name"), f"'{name}' is the name of herds[{first[name]}] too; names are unique"
+        first.setdefault(name, index)
+    pictures = data.get("pictures")
+    follow = pictures.get("follow") if isinstance(pictures, dict) else None
+    names = list(dict.fromkeys(parts.names.values()))
+    if isinstance(follow, str) and follow not in names:
+        yield ("pictures", "follow"), f"'{follow}': no such herd{nearest(follow, names)}; herds: {', '.join(names)}"
+
+
+def _places(parts: _Parts, data: dict[str, Any]) -> Found:
+    for index, herd in parts.herds.items():
+        place, path = herd.place, ("herds", index, "place")
+        if isinstance(place, Places) and len(place.points_m) != herd.count:
+            yield (*path, "points_m"), f"{len(place.points_m)} points for a count of {herd.count}; as many are needed"
+        if isinstance(place, PoissonDisc):
+            # Circles of this distance cannot be packed denser than a hexagonal lattice.
+            room = 0.9069 * ((place.radius_m + place.min_distance_m / 2) / (place.min_distance_m / 2)) ** 2
+            if herd.count > max(room, 1):
+                yield (
+                    (*path, "min_distance_m"),
+                    f"{herd.count} characters {place.min_distance_m} m apart do not fit in a disc of "
+                    f"{place.radius_m} m (at most {int(room)})",
+                )
+
+
+def _variations(parts: _Parts, data: dict[str, Any]) -> Found:
+    for index, herd in parts.herds.items():
+        for key in ("height", "mass", "speed"):
+            drawn, path = getattr(herd.variation, key), ("herds", index, "variation", key)
+            if isinstance(drawn, Normal) and not (drawn.low <= drawn.mean <= drawn.high):
+                yield path, f"mean {drawn.mean} is not between min {drawn.low:g} and max {drawn.high:g}"
+            if isinstance(drawn, Uniform) and drawn.min > drawn.max:
+                yield path, f"min {drawn.min} is above max {drawn.max}"
+
+
+def _ground(parts: _Parts, data: dict[str, Any]) -> Found:
+    ground = parts.world.ground if parts.world is not None else None
+    if isinstance(ground, Ramp) and ground.end_m <= ground.start_m:
+        yield ("world", "ground", "end_m"), f"{ground.end_m}: must be above start_m {ground.start_m}"
+
+
+def _overlaps(parts: _Parts, data: dict[str, Any]) -> Found:
+    for index, region in parts.regions.items():
+        for axis in "xz" if region.area_m is not None else "":
+            low, high = getattr(region.area_m, axis)
+            if low >= high:
+                yield ("world", "fluids", index, "area_m", axis), f"[{low}, {high}]: the first must be below the second"
+    for (i, a), (j, b) in combinations(parts.regions.items(), 2):
+        if a.priority == b.priority and _overlap(a, b):
+            yield (
+                ("world", "fluids", j),
+                f"overlaps world.fluids[{i}] and both have priority {a.priority}; give one a higher priority",
+            )
+
+
+def _overlap(a: FluidRegion, b: FluidRegion) -> bool:
+    if a.area_m is None or b.area_m is None:
+        return True
+    pairs = ((a.area_m.x, b.area_m.x), (a.area_m.z, b.area_m.z))
+    return all(max(p[0], q[0]) < min(p[1], q[1]) for p, q in pairs)
+
+
+def _events(parts: _Parts, data: dict[str, Any]) -> Found:
+    names = list(dict.fromkeys(parts.names.values()))
+    for index, event in parts.events.items():
+        path: KeyPath = ("events", index)
+        if parts.duration is not None and event.at_s > parts.duration and not parts.cut_short:
+            yield (*path, "at_s"), f"{event.at_s} s is after the end of the run ({parts.duration:g} s)"
+        for number, name in enumerate(event.herds or ()):
+            if name not in names:
+                yield (
+                    (*path, "herds", number),
+                    f"'{name}': no such herd{nearest(name, names)}; herds: {', '.join(names)}",
+                )
+        meant = [herd for herd in parts.herds.values() if event.herds is None or herd.name in event.herds]
+        for herd in meant if event.characters != "all" else ():
+            beyond = [number for number in event.characters if isinstance(number, int) and number >= herd.count]
+            if beyond:
+                yield (
+                    (*path, "characters"),
+                    f"{beyond[0]}: herd '{herd.name}' has {herd.count} characters (0 to {herd.count - 1})",
+                )
+
+
+def _times(parts: _Parts, data: dict[str, Any]) -> Found:
+    record, pictures = data.get("record"), data.get("pictures")
+    rate = _number(record.get("rate_hz", 30)) if isinstance(record, dict) else 30
+    if rate is not None and parts.rate is not None and parts.rate % rate:
+        allowed = ", ".join(str(d) for d in range(parts.rate, 0, -1) if parts.rate % d == 0)
+        yield ("record", "rate_hz"), f"{rate}: must divide rate_hz {parts.rate} (one of {allowed})"
+    times = pictures.get("at_s") if isinstance(pictures, dict) else None
+    for index, time in enumerate(times if isinstance(times, list) else []):
+        late = isinstance(time, int | float) and parts.duration is not None and time > parts.duration
+        if late and not parts.cut_short:
+            yield ("pictures", "at_s", index), f"{time} s is after the end of the run ({parts.duration:g} s)"
+
+
+def find_file(name: str, folder: Path) -> Path | None:
+    """A file named in a scenario, relative to the scenario's folder; None when there is none."""
+    path = folder / Path(name).expanduser()
+    try:
+        return path if path.is_file() else None
+    except (OSError, ValueError):  # a name no file can have
+        return None
+
+
+def _files(parts: _Parts, folder: Path) -> Found:
+    for index, herd in parts.herds.items():
+        path: KeyPath = ("herds", index)
+        if herd.archetype not in BUILT_IN:
+            suffix = Path(herd.archetype).suffix.lower()
+            if suffix not in ASSET_SUFFIXES:
+                yield (
+                    (*path, "archetype"),
+                    f"'{herd.archetype}': must be {', '.join(BUILT_IN)} or a {', '.join(ASSET_SUFFIXES)} file"
+                    f"{nearest(herd.archetype, BUILT_IN)}",
+                )
+            elif find_file(herd.archetype, folder) is None:
+                yield (*path, "archetype"), f"'{herd.archetype}': no such file ({folder / herd.archetype})"
+        if isinstance(herd.rig, str) and find_file(herd.rig, folder) is None:
+            yield (*path, "rig"), f"'{herd.rig}': no such file ({folder / herd.rig})"
+    ground = parts.world.ground if parts.world is not None else None
+    if isinstance(ground, HeightMap):
+        path = ("world", "ground", "file")
+        suffix = Path(ground.file).suffix.lower()
+        if suffix not in MAP_SUFFIXES:
+            yield path, f"'{ground.file}': must be a {', '.join(MAP_SUFFIXES)} file"
+        elif find_file(ground.file, folder) is None:
+            yield path, f"'{ground.file}': no such file ({folder / ground.file})"
+        if suffix != ".asc" and ground.cell_m is None:
+            yield ("world", "ground"), "missing; 'cell_m' is needed (distance of neighbouring samples)"
+        if suffix == ".png" and ground.height_scale_m is None:
+            yield ("world", "ground"), "missing; 'height_scale_m' is needed (height of white above black)"
+
+
+def _fluids(parts: _Parts, table: FluidTable) -> Found:
+    names = list(table.fluids)
+    for index, region in parts.regions.items():
+        if region.fluid is not None and region.fluid not in names:
+            yield (
+                ("world", "fluids", index, "fluid"),
+                f"'{region.fluid}': no such fluid{nearest(region.fluid, names)}; known: {', '.join(names)}",
+            )
