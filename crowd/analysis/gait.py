@@ -18,6 +18,7 @@ from crowd.resampling import resample, resample_rotation
 from crowd.types import Archetype, Clip, Motion
 
 FINE = 240  # samples per cycle used for detection; divisible by every stride count tried
+REACH = 5  # samples to either side used for a velocity
 SWING_SAMPLES = 33
 MOST_STRIDES = 6
 
@@ -143,8 +144,7 @@ def _mean_stride(archetype: Archetype, clip: Clip) -> tuple[np.ndarray, np.ndarr
 
 def _velocity(contact: np.ndarray, period: float) -> np.ndarray:
     """Periodic central difference over 4 % of the cycle, m/s: clips keyed at 24 Hz are piecewise linear."""
-    reach = round(0.02 * FINE)
-    return (np.roll(contact, -reach, 0) - np.roll(contact, reach, 0)) * FINE / (2 * reach * period)
+    return (np.roll(contact, -REACH, 0) - np.roll(contact, REACH, 0)) * FINE / (2 * REACH * period)
 
 
 def _stances(
@@ -260,14 +260,14 @@ def _intervals(planted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _stance_speed(contact: np.ndarray, planted: np.ndarray, direction: np.ndarray, period: float) -> float:
     """Mean over the cycle of the ground's backward speed, told at each instant by the feet planted then.
 
-    Only the middle 80 % of every stance counts (at its edges the foot rolls on and off), and only instants at which
-    some foot tells it. Averaging over time rather than over feet is right for bodies that surge or pause.
+    The ends of a stance, where the smoothed velocity knows of the swing, do not count. Averaging over time rather than
+    over feet is right for bodies that surge or pause.
     """
     backward = -_velocity(contact, period)[..., [0, 2]] @ direction
     sure = np.zeros_like(planted)
     for leg in range(planted.shape[1]):
         start, length = _longest_run(planted[:, leg])
-        margin = round(0.1 * length)
+        margin = min(REACH, length // 4)
         sure[(start + np.arange(margin, max(length - margin, margin + 1))) % FINE, leg] = True
     told = sure.any(1)
     speed = np.sum(backward * sure, 1)[told] / sure.sum(1)[told]
