@@ -1,0 +1,180 @@
+"""Colours of pixels: ground, bodies, water and sky, a band of the picture at a time. Linear light throughout."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crowd.view.camera import NEAR, Camera
+from crowd.view.geometry import Geometry, Level, Triangles
+from crowd.view.light import HORIZON, TO_SUN, Occlusion, ShadowMap, contact_occlusion, diffuse, shadow_map, sky
+from crowd.view.zbuffer import edge_functions
+
+WET = np.array([0.66, 0.64, 0.60], np.float32)  # factor on the ground's colour under water
+ABSORB = np.array([1.35, 0.75, 0.62], np.float32)  # of red, green, blue: what makes deep water blue
+SHEEN = np.array([0.008, 0.018, 0.026], np.float32)  # light scattered back by the water just below its surface
+F32 = np.float32
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
+
+
+@dataclass(frozen=True, eq=False)
+class Shader:
+    """Everything a band of pixels needs to be coloured."""
+
+    geometry: Geometry
+    camera: Camera
+    size: tuple[int, int]
+    triangles: Triangles
+    corner: np.ndarray  # [T, 2] px, first corner
+    slope: np.ndarray  # [T, 3, 2] barycentric coordinates per pixel
+    near: np.ndarray  # [T, 3] 1/m
+    shadow: ShadowMap | None
+    occlusion: Occlusion | None
+
+    @staticmethod
+    def of(
+        geometry: Geometry,
+        camera: Camera,
+        size: tuple[int, int],
+        triangles: Triangles,
+        xy: np.ndarray,
+        near: np.ndarray,
+    ) -> Shader:
+        """Prepare shadows and interpolation for triangles with pixel positions `xy` [T, 3, 2], nearness [T, 3]."""
+        bodies = triangles.corners[: triangles.ground]
+        with np.errstate(invalid="ignore", over="ignore"):
+            slope, _ = edge_functions(xy)
+        shadow = shadow_map(bodies) if len(bodies) else None
+        occlusion = None
+        if len(bodies) and geometry.ground is not None:
+            centre = bodies.mean(1)
+            area = 0.25 * np.abs(np.cross(bodies[:, 1] - bodies[:, 0], bodies[:, 2] - bodies[:, 0])[:, 1])
+            occlusion = contact_occlusion(centre, centre[:, 1] - geometry.ground(centre[:, 0], centre[:, 2]), area)
+        return Shader(
+            geometry,
+            camera,
+            size,
+            triangles,
+            xy[:, 0].astype(F32),
+            slope.astype(F32),
+            near.astype(F32),
+            shadow,
+            occlusion,
+        )
+
+    def band(self, top: int, triangle: np.ndarray, nearness: np.ndarray) -> np.ndarray:
+        """Colours [h, w, 3] of the picture's rows from `top` on, from what is visible there [h, w]."""
+        rays = self.camera.rays(self.size, top, len(triangle)).reshape(-1, 3)
+        seen = triangle.reshape(-1)
+        hit = seen >= 0
+        color = np.empty((len(seen), 3), F32)
+        clear = rays[~hit]
+        color[~hit] = sky(clear / np.sqrt(_dot(clear, clear))[:, None])
+        distance = np.full(len(seen), np.inf, F32)
+        distance[hit] = 1.0 / nearness.reshape(-1)[hit]
+        if hit.any():
+            row, column = np.divmod(np.nonzero(hit)[0], self.size[0])
+            color[hit] = self._surface(seen[hit], rays[hit], distance[hit], row + top, column)
+        for level in self.geometry.levels:
+            self._water(level, color, rays, distance)
+        return color.reshape(*triangle.shape, 3)
+
+    def _haze(self, color: np.ndarray, distance: np.ndarray) -> np.ndarray:
+        reach = F32(7.0 * np.linalg.norm(np.subtract(self.camera.eye, self.camera.target)) + 30.0)
+        haze = 1.0 - np.exp(-((distance / reach) ** 2))[:, None]
+        return color + haze * (HORIZON.astype(F32) - color)
+
+    def _surface(
+        self, number: np.ndarray, ray: np.ndarray, depth: np.ndarray, row: np.ndarray, column: np.ndarray
+    ) -> np.ndarray:
+        """Colours [P, 3] of the pixels that see a triangle."""
+        points = np.asarray(self.camera.eye, F32) + ray * depth[:, None]
+        normal = self._normals(number, row, column)
+        unit = ray / np.sqrt(_dot(ray, ray))[:, None]
+        on_ground = number >= self.triangles.ground
+        cosine = -_dot(normal, unit)
+        normal[(cosine < 0) & ~on_ground] *= -1
+        lit = np.ones(len(points), F32)
+        if self.shadow is not None:
+            lit = self.shadow.lit(points + normal * F32(max(0.012, 2.0 * self.shadow.texel)))
+        albedo = self.triangles.color[number].astype(F32)
+        below = points[on_ground]
+        footprint = depth[on_ground] / F32(self.camera.focal(self.size[1]))
+        tone = grid_lines(below, footprint, np.maximum(cosine[on_ground], F32(0.04)))
+        open_sky = np.ones(len(points), F32)
+        if self.occlusion is not None:
+            open_sky[on_ground] = self.occlusion.at(below)
+            tone *= np.sqrt(open_sky[on_ground])
+        albedo[on_ground] *= tone[:, None]
+        for level in self.geometry.levels:
+            wet = on_ground & (points[:, 1] < level.height) & level.covers(points[:, 0], points[:, 2])
+            albedo[wet] *= WET
+        rim = np.where(on_ground, F32(0.0), F32(0.10) * (1.0 - np.abs(cosine)) ** 3)
+        color = albedo * diffuse(normal, lit, open_sky) + rim[:, None] * HORIZON.astype(F32)
+        return self._haze(color, depth)
+
+    def _normals(self, number: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+        """Corner normals interpolated (perspective-correct) at the pixels' centres [P, 3]."""
+        origin, slope, near = self.corner[number], self.slope[number], self.near[number]
+        dx, dy = column.astype(F32) + F32(0.5) - origin[:, 0], row.astype(F32) + F32(0.5) - origin[:, 1]
+        corners = self.triangles.normals[number].astype(F32)
+        normal = np.zeros((len(number), 3), F32)
+        for k in range(3):
+            share = slope[:, k, 0] * dx + slope[:, k, 1] * dy + F32(k == 0)
+            normal += (np.clip(share, 0.0, 1.0) * near[:, k])[:, None] * corners[:, k]
+        return normal / np.maximum(np.sqrt(_dot(normal, normal)), F32(1e-12))[:, None]
+
+    def _water(self, level: Level, color: np.ndarray, rays: np.ndarray, distance: np.ndarray) -> None:
+        """Lay a fluid surface over the band, in place: what is below is tinted by its depth, the sky is mirrored."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along = F32(level.height - self.camera.eye[1]) / rays[:, 1]
+            pixel = np.nonzero((along > NEAR) & (along < distance) & (along < 1e5))[0]
+        ray, reach = rays[pixel], along[pixel]
+        x, z = F32(self.camera.eye[0]) + ray[:, 0] * reach, F32(self.camera.eye[2]) + ray[:, 2] * reach
+        inside = level.covers(x, z)
+        pixel, ray, reach, x, z = pixel[inside], ray[inside], reach[inside], x[inside], z[inside]
+        beyond = np.clip(distance[pixel] - reach, 0.0, 1e3)
+        length = (beyond * np.abs(ray[:, 1]) * F32(1.5) + np.minimum(beyond, 8.0) * F32(0.05)) / F32(level.clarity)
+        through = np.exp(-length[:, None] * ABSORB)
+        unit = ray / np.sqrt(_dot(ray, ray))[:, None]
+        normal = ripples(x, z, reach / F32(self.camera.focal(self.size[1])), np.abs(unit[:, 1]))
+        facing = np.clip(-_dot(normal, unit), 0.02, 1.0)
+        mirror = unit + 2 * facing[:, None] * normal
+        fresnel = (F32(0.02) + F32(0.60) * (1 - facing) ** 5)[:, None]
+        glint = np.clip(mirror @ TO_SUN.astype(F32), 0.0, 1.0) ** 220 * F32(0.5)
+        body = color[pixel] * through + np.asarray(level.color, F32) * (1 - through) + SHEEN
+        # Where the surface meets a leg or the shore a pale line shows the height of the water.
+        edge = np.exp(-((beyond / F32(0.035)) ** 2))[:, None] * F32(0.35)
+        body += edge * (F32(0.85) - body)
+        color[pixel] = self._haze(body * (1 - fresnel) + fresnel * sky(mirror) + glint[:, None], reach)
+        distance[pixel] = reach
+
+
+def grid_lines(points: np.ndarray, footprint: np.ndarray, slant: np.ndarray) -> np.ndarray:
+    """Factor [P] on the ground's colour: thin lines every metre, stronger every five, widened to the pixel."""
+    factor = np.ones(len(points), F32)
+    width = footprint / np.sqrt(slant)
+    for every, half, depth in ((F32(1.0), F32(0.012), F32(0.13)), (F32(5.0), F32(0.022), F32(0.20))):
+        weight = depth * np.minimum(F32(1.0), F32(2.5) * half / width)
+        for axis in (0, 2):
+            place = points[:, axis] / every
+            distance = np.abs(place - np.round(place)) * every
+            factor *= 1 - weight * np.clip((half - distance) / width + F32(0.5), 0.0, 1.0)
+    return factor
+
+
+def ripples(x: np.ndarray, z: np.ndarray, footprint: np.ndarray, slant: np.ndarray) -> np.ndarray:
+    """Unit normals [P, 3] of a quiet water surface; waves smaller than a pixel fade away."""
+    slope_x, slope_z = np.zeros(len(x), F32), np.zeros(len(x), F32)
+    blur = footprint / np.maximum(slant, F32(0.05))
+    for length, angle, steep in ((2.3, 0.4, 0.018), (1.1, 1.5, 0.022), (0.61, -0.7, 0.024), (0.37, 2.4, 0.022)):
+        kx, kz = F32(2 * np.pi / length * np.cos(angle)), F32(2 * np.pi / length * np.sin(angle))
+        wave = F32(steep) * np.cos(kx * x + kz * z + F32(3 * angle)) * np.exp(-((blur * F32(2 / length)) ** 2))
+        slope_x += wave * F32(np.cos(angle))
+        slope_z += wave * F32(np.sin(angle))
+    normal = np.stack([-slope_x, np.ones_like(slope_x), -slope_z], -1)
+    return normal / np.sqrt(_dot(normal, normal))[:, None]
