@@ -140,7 +140,7 @@ class Herd(Model):
     count: Count
     place: Place
     heading_deg: Number = 0.0
-    """0 looks along +z, positive turns left (toward +x)."""
+    """0 looks along +z, positive turns left (toward +x); left out: along velocity_m_s or to the first way-point."""
     speed_m_s: Speed | None = None
     """Desired speed along the heading."""
     velocity_m_s: tuple[Speed, Speed] | None = None
