@@ -1,0 +1,295 @@
+"""A person of 1.70 m and 70 kg, generated.
+
+Lengths: Drillis and Contini 1966 (segment lengths as fractions of standing height, as printed in Winter, *Biomechanics
+and Motor Control of Human Movement*, fig. 4.1). Walk: sagittal angles guided by the adult curves of Perry and Burnfield
+2010 and Winter 2009 (touchdown knee 5°, 18° after loading, 62° in swing; push-off ankle -15°); jog: usual values at
+2.6 m/s. Mesh, arms and trunk are modelled by hand.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crowd.characters.body_mesh import from_parts
+from crowd.characters.gait_clips import (
+    FootPath,
+    LegJoints,
+    Poser,
+    compose,
+    pitch,
+    roll,
+    spline,
+    step_leg,
+    yaw,
+)
+from crowd.characters.surface import Part
+from crowd.types import Archetype, Arm, Clip, Leg, Mesh, Skeleton
+
+HEIGHT, MASS = 1.70, 70.0
+_HIP, _KNEE, _ANKLE, _SHOULDER = (fraction * HEIGHT for fraction in (0.530, 0.285, 0.039, 0.818))
+_UPPER_ARM, _FOREARM = 0.186 * HEIGHT, 0.146 * HEIGHT
+_FOOT_X = 0.08  # m, half the distance between the feet
+_BALL = 0.022  # m, height of the toe joint above the sole
+_SAMPLES = 60
+_CENTRE = {  # name: (parent, position in the upright pose, m)
+    "pelvis": ("", (0.0, 0.930, 0.0)),
+    "lumbar": ("pelvis", (0.0, 1.030, -0.008)),
+    "spine": ("lumbar", (0.0, 1.130, -0.018)),
+    "chest": ("spine", (0.0, 1.240, -0.022)),
+    "neck": ("chest", (0.0, 1.435, -0.022)),
+    "head": ("neck", (0.0, 1.530, 0.0)),
+}
+_SIDE = {
+    "clavicle": ("chest", (0.025, _SHOULDER + 0.005, -0.005)),
+    "upper_arm": ("clavicle", (0.178, _SHOULDER, -0.022)),
+    "forearm": ("upper_arm", (0.178, _SHOULDER - _UPPER_ARM, -0.022)),
+    "hand": ("forearm", (0.178, _SHOULDER - _UPPER_ARM - _FOREARM, -0.022)),
+    "thigh": ("pelvis", (0.085, _HIP, 0.0)),
+    "shank": ("thigh", (0.085, _KNEE, 0.0)),
+    "foot": ("shank", (0.085, _ANKLE, 0.0)),
+    "toes": ("foot", (0.085, _BALL, 0.128)),
+}
+
+
+def _tables() -> tuple[list[str], list[int], np.ndarray]:
+    rows = [(name, above, place) for name, (above, place) in _CENTRE.items()]
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        for name, (above, (x, y, z)) in _SIDE.items():
+            rows.append((f"{side}_{name}", above if above in _CENTRE else f"{side}_{above}", (sign * x, y, z)))
+    names = [row[0] for row in rows]
+    return names, [names.index(row[1]) if row[1] else -1 for row in rows], np.array([row[2] for row in rows])
+
+
+def _upright() -> Skeleton:
+    """All frames parallel to the character's, arms straight down."""
+    names, parents, positions = _tables()
+    offsets = positions - np.where(np.array(parents)[:, None] >= 0, positions[parents], 0.0)
+    return Skeleton(tuple(names), tuple(parents), np.tile([1.0, 0, 0, 0], (len(names), 1)), offsets)
+
+
+def _leg(side: str, sign: float) -> LegJoints:
+    names = (f"{side}_{name}" for name in ("thigh", "shank", "foot", "toes"))
+    return LegJoints(*names, np.array([0.0, -_BALL, 0.0]), np.array([0.05 * sign, 0.0, 1.0]))
+
+
+_SIDES = (("left", 1.0, 0.0), ("right", -1.0, 0.5))
+
+
+def _hang_arms(poser: Poser, swing: np.ndarray | float, elbow: np.ndarray | float, side: str, sign: float) -> None:
+    """Arm hanging beside the body; swing: degrees forward, elbow: degrees of flexion."""
+    poser.turn(f"{side}_upper_arm", compose(pitch(-np.asarray(swing)), roll(sign * 9.0), yaw(-sign * 12.0)))
+    poser.turn(f"{side}_forearm", compose(pitch(-np.asarray(elbow)), roll(-sign * 5.0)))
+    poser.turn(f"{side}_hand", pitch(-6.0))
+
+
+def _standing(poser: Poser, drop: np.ndarray | float) -> None:
+    """Feet side by side, pelvis lowered by drop [F] m."""
+    still = FootPath(0.0, 0.105, 0.0, 1.0, lambda s: 0.0 * s, lambda p: 0.0 * p)
+    offset = np.zeros((poser.samples, 3))
+    offset[:, 1] = -np.asarray(drop)
+    poser.move("pelvis", offset)
+    for side, sign, _ in _SIDES:
+        path = FootPath(0.0, still.front, sign * _FOOT_X, 1.0, still.lift, still.pitch)
+        step_leg(poser, _leg(side, sign), path, np.zeros(poser.samples), sign * 6.0)
+        _hang_arms(poser, 4.0, 14.0, side, sign)
+
+
+def _skeleton() -> Skeleton:
+    upright = _upright()
+    poser = Poser(upright, 1)
+    _standing(poser, 0.012)
+    return Skeleton(upright.names, upright.parents, poser.rotation[0], poser.translation[0])
+
+
+def _idle(skeleton: Skeleton) -> Clip:
+    """Breathing and a slight sway; the feet do not move."""
+    poser = Poser(_upright(), 120)
+    phase = np.arange(120) / 120
+    breath, sway = np.sin(4 * np.pi * phase), np.sin(2 * np.pi * phase)
+    shift = np.stack([0.012 * sway, np.zeros(120), 0.004 * np.cos(2 * np.pi * phase)], -1)
+    poser.move("pelvis", shift)
+    poser.turn("pelvis", roll(0.8 * sway))
+    poser.turn("lumbar", roll(-0.6 * sway))
+    poser.turn("spine", pitch(0.5 * breath))
+    poser.turn("chest", pitch(-1.2 * breath))
+    poser.turn("head", compose(yaw(3.0 * sway), pitch(0.7 * breath)))
+    _standing(poser, 0.014 + 0.002 * breath)
+    for side, sign, _ in _SIDES:
+        _hang_arms(poser, 4.0 + 1.0 * breath, 14.0 + 1.5 * breath, side, sign)
+        poser.turn(f"{side}_clavicle", roll(sign * 1.5 * breath))
+    return poser.clip("idle", "idle", 5.0, None)
+
+
+def _walk_path(stride: float, duty: float) -> dict:
+    rise = 0.355  # phase at which the heel leaves the ground
+    toe_off, power = -60.0, 2.1
+    speed_at_toe_off = toe_off * power / (duty - rise) * (1.0 - duty)
+    swing = spline((0, 0.12, 0.28, 0.5, 0.72, 0.88, 1), (toe_off, -67, -58, -24, 6, 14, 0), (speed_at_toe_off, -60.0))
+
+    def angle(phase: np.ndarray) -> np.ndarray:
+        phase = np.asarray(phase, float)
+        lifting = toe_off * np.clip((phase - rise) / (duty - rise), 0.0, 1.0) ** power
+        return np.where(phase <= duty, lifting, swing((phase - duty) / (1.0 - duty)))
+
+    lift = spline((0, 0.14, 0.32, 0.52, 0.72, 0.88, 1), (0, 0.062, 0.075, 0.042, 0.052, 0.05, 0))
+    return {"stride": stride, "front": 0.445, "duty": duty, "lift": lift, "pitch": angle}
+
+
+def _jog_path(stride: float, duty: float) -> dict:
+    rise, toe_off, power = 0.14, -62.0, 1.8
+    speed_at_toe_off = toe_off * power / (duty - rise) * (1.0 - duty)
+    swing = spline((0, 0.1, 0.3, 0.5, 0.7, 0.88, 1), (toe_off, -84, -98, -75, -28, 3, 0), (speed_at_toe_off, -30.0))
+
+    def angle(phase: np.ndarray) -> np.ndarray:
+        phase = np.asarray(phase, float)
+        lifting = toe_off * np.clip((phase - rise) / (duty - rise), 0.0, 1.0) ** power
+        return np.where(phase <= duty, lifting, swing((phase - duty) / (1.0 - duty)))
+
+    lift = spline((0, 0.1, 0.25, 0.4, 0.6, 0.8, 0.93, 1), (0, 0.09, 0.21, 0.25, 0.18, 0.1, 0.035, 0))
+    return {"stride": stride, "front": 0.42, "duty": duty, "lift": lift, "pitch": angle}
+
+
+def _trunk(poser: Poser, phase: np.ndarray, lean: float, twist: float, list_: float, drop: float, bob: float) -> None:
+    """Pelvis and trunk over the left foot's phase: two vertical waves, one of list, twist and sway per cycle."""
+    wave = 2 * np.pi * phase
+    sway = 0.020 * np.cos(wave - 2 * np.pi * 0.28)
+    height = -drop - bob * np.cos(2 * (wave - 2 * np.pi * 0.045))
+    poser.move("pelvis", np.stack([sway, height, np.full(len(phase), 0.0)], -1))
+    hips = compose(yaw(-twist * np.cos(wave)), roll(list_ * np.sin(wave + 2 * np.pi * 0.11)), pitch(0.35 * lean))
+    poser.turn("pelvis", hips)
+    poser.turn("lumbar", compose(roll(-0.5 * list_ * np.sin(wave + 2 * np.pi * 0.11)), pitch(0.3 * lean)))
+    poser.turn("spine", compose(yaw(0.9 * twist * np.cos(wave)), roll(-0.4 * list_ * np.sin(wave)), pitch(0.2 * lean)))
+    poser.turn("chest", compose(yaw(1.0 * twist * np.cos(wave)), pitch(0.15 * lean)))
+    poser.turn("neck", compose(yaw(-0.5 * twist * np.cos(wave)), pitch(-0.3 * lean)))
+    poser.turn_world("head", pitch(0.1 * lean))
+
+
+def _gait(
+    name: str, cycle: float, paths: dict, lean: float, twist: float, list_: float, drop: float, bob: float
+) -> Poser:
+    poser = Poser(_upright(), _SAMPLES)
+    phase = np.arange(_SAMPLES) / _SAMPLES
+    _trunk(poser, phase, lean, twist, list_, drop, bob)
+    for side, sign, start in _SIDES:
+        step_leg(poser, _leg(side, sign), FootPath(side=sign * _FOOT_X, **paths), (phase + start) % 1.0)
+    return poser
+
+
+def _walk() -> Clip:
+    poser = _gait("walk", 1.0, _walk_path(1.3, 0.6), lean=4.0, twist=4.5, list_=4.0, drop=0.034, bob=0.017)
+    phase = np.arange(_SAMPLES) / _SAMPLES
+    for side, sign, start in _SIDES:
+        wave = 2 * np.pi * (phase + start)
+        _hang_arms(poser, 2.0 - 21.0 * np.cos(wave), 22.0 - 11.0 * np.cos(wave - 0.4), side, sign)
+    return poser.clip("walk", "walk", 1.0, 1.3)
+
+
+def _jog() -> Clip:
+    cycle = 0.74
+    paths = _jog_path(2.6 * cycle, 0.37)
+    poser = _gait("jog", cycle, paths, lean=9.0, twist=6.0, list_=4.0, drop=0.06, bob=0.0)
+    phase = np.arange(_SAMPLES) / _SAMPLES
+    bounce = 0.036 * np.cos(4 * np.pi * (phase - 0.185))
+    poser.move("pelvis", np.stack([0 * phase, -bounce, 0 * phase], -1))
+    for side, sign, start in _SIDES:
+        step_leg(poser, _leg(side, sign), FootPath(side=sign * _FOOT_X, **paths), (phase + start) % 1.0)
+        wave = 2 * np.pi * (phase + start)
+        _hang_arms(poser, -8.0 - 30.0 * np.cos(wave), 88.0 - 14.0 * np.cos(wave), side, sign)
+    return poser.clip("jog", "run", cycle, 2.6)
+
+
+def _parts(at: dict[str, np.ndarray], index: dict[str, int]) -> list[Part]:
+    """Flesh in the bind pose (arms and legs spread)."""
+
+    def part(joint: str, start: tuple, end: tuple, radii: tuple, stretch: tuple = (1, 1, 1), frm: str = "") -> Part:
+        origin = at[frm or joint]
+        return Part(index[joint], tuple(origin + start), tuple(origin + end), radii, stretch)
+
+    def limb(joint: str, child: str, radii: tuple, cut: tuple = (0.0, 1.0), push: tuple = (0, 0, 0)) -> Part:
+        a, b = at[joint], at[child]
+        return Part(index[joint], tuple(a + cut[0] * (b - a) + push), tuple(a + cut[1] * (b - a) + push), radii)
+
+    parts = [
+        part("pelvis", (0.0, 0.0, 0.0), (0.0, 0.06, -0.005), (0.115, 0.105), (1.32, 1, 0.95)),
+        part("lumbar", (0.0, 0.0, 0.008), (0.0, 0.09, 0.005), (0.110, 0.108), (1.22, 1, 0.88)),
+        part("spine", (0.0, 0.0, 0.012), (0.0, 0.10, 0.01), (0.108, 0.118), (1.26, 1, 0.9)),
+        part("chest", (0.0, 0.0, 0.012), (0.0, 0.085, 0.0), (0.119, 0.105), (1.36, 1, 0.93)),
+        part("neck", (0.0, -0.05, -0.01), (0.0, 0.09, 0.012), (0.068, 0.056)),
+        part("head", (0.0, 0.078, 0.028), (0.0, 0.089, -0.004), (0.076, 0.081), (0.93, 1, 1.06)),
+        part("head", (0.0, 0.005, 0.045), (0.0, 0.05, 0.05), (0.043, 0.055), (1, 1, 1)),
+    ]
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+
+        def joint(name: str, side: str = side) -> str:
+            return f"{side}_{name}"
+
+        upper, fore, hand = joint("upper_arm"), joint("forearm"), joint("hand")
+        along = at[hand] - at[fore]
+        along = along / np.linalg.norm(along)
+        knuckles, tips = at[hand] + 0.085 * along, at[hand] + 0.165 * along + np.array([0, 0, 0.02])
+        parts += [
+            part("pelvis", (0.075 * sign, -0.045, -0.045), (0.08 * sign, -0.02, -0.04), (0.085, 0.08)),
+            limb(joint("clavicle"), upper, (0.058, 0.056), (0.25, 0.95), (0, -0.008, 0)),
+            part("chest", (0.08 * sign, 0.085, 0.045), (0.06 * sign, 0.08, 0.045), (0.062, 0.062)),
+            limb(upper, fore, (0.057, 0.044)),
+            limb(fore, hand, (0.045, 0.029)),
+            limb(fore, hand, (0.048, 0.040), (0.12, 0.4)),
+            Part(index[hand], tuple(at[hand]), tuple(knuckles), (0.029, 0.041), (0.66, 0.9, 1.0)),
+            Part(index[hand], tuple(knuckles), tuple(tips), (0.038, 0.019), (0.62, 0.9, 1.05)),
+            Part(
+                index[hand],
+                tuple(at[hand] + 0.02 * along + [0, 0, 0.018]),
+                tuple(at[hand] + 0.075 * along + [-0.004 * sign, 0, 0.048]),
+                (0.017, 0.014),
+            ),
+            limb(joint("thigh"), joint("shank"), (0.090, 0.057), (0.03, 1.0)),
+            limb(joint("thigh"), joint("shank"), (0.078, 0.060), (0.2, 0.7), (0.004 * sign, 0, 0.012)),
+            limb(joint("shank"), joint("foot"), (0.056, 0.037)),
+            limb(joint("shank"), joint("foot"), (0.050, 0.044), (0.18, 0.5), (0, 0, -0.02)),
+            part(joint("foot"), (0, -0.028, -0.03), (0, -0.03, -0.03), (0.036, 0.036)),
+            part(joint("foot"), (0, -0.005, 0.0), (0.004 * sign, -0.042, 0.12), (0.042, 0.027), (1.12, 1, 1)),
+            part(joint("foot"), (0, -0.036, -0.025), (0.004 * sign, -0.046, 0.125), (0.032, 0.024), (1.2, 1, 1)),
+            part(joint("toes"), (0.004 * sign, -0.002, 0.0), (0.0, -0.006, 0.05), (0.026, 0.018), (1.7, 1, 1)),
+        ]
+    return parts
+
+
+def _mesh(triangles: int) -> Mesh:
+    upright = _upright()
+    poser = Poser(upright, 1)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        poser.turn(f"{side}_upper_arm", compose(roll(sign * 38.0), pitch(-4.0)))
+        poser.turn(f"{side}_forearm", pitch(-10.0))
+        poser.turn(f"{side}_thigh", roll(sign * 6.0))
+        poser.turn_world(f"{side}_foot", np.array([1.0, 0, 0, 0]))
+    rotations, positions = (array[0] for array in poser.world())
+    index = poser.index
+    # Spread legs are shorter: the soles are cut where the feet are.
+    floor = float(positions[index["left_toes"], 1]) - _BALL
+    at = {name: positions[joint] for name, joint in index.items()}
+    mirror = [index[_other(name)] for name in upright.names]
+    return from_parts(
+        _parts(at, index), upright.parents, positions, rotations, triangles, 0.016, 0.012, mirror, floor=floor
+    )
+
+
+def _other(name: str) -> str:
+    swap = {"left": "right", "right": "left"}
+    head, _, tail = name.partition("_")
+    return f"{swap[head]}_{tail}" if head in swap else name
+
+
+def build(triangles: int = 640) -> Archetype:
+    """The person; triangles: budget of the mesh."""
+    skeleton = _skeleton()
+    index = {name: joint for joint, name in enumerate(skeleton.names)}
+    legs = tuple(
+        Leg(side, *(index[f"{side}_{j}"] for j in ("thigh", "shank", "foot", "toes")), (0.0, -_BALL, 0.0), int(sign))
+        for side, sign, _ in _SIDES
+    )
+    arms = tuple(
+        Arm(side, *(index[f"{side}_{j}"] for j in ("upper_arm", "forearm", "hand")), int(sign))
+        for side, sign, _ in _SIDES
+    )
+    clips = (_idle(skeleton), _walk(), _jog())
+    return Archetype("human", skeleton, _mesh(triangles), legs, arms, clips, index["pelvis"], HEIGHT, MASS)
