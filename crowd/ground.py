@@ -102,9 +102,7 @@ def _height_map(model: HeightMap, folder: Path) -> Ground:
     if missing.any():
         nearest_cell = distance_transform_edt(missing, return_distances=False, return_indices=True)
         heights = heights[tuple(np.asarray(nearest_cell))]
-        notes.append(
-            f"{path.name}: {missing.sum():,} of {missing.size:,} cells have no height; the nearest one is used"
-        )
+        notes.append(f"{path.name}: {missing.sum():,} of {missing.size:,} cells have no height; the nearest is used")
     heights = heights * (1.0 if model.height_scale_m is None else model.height_scale_m)
     rows, columns = heights.shape
     datum = model.datum_m

@@ -1,0 +1,5 @@
+"""`python -m crowd`."""
+
+from crowd.cli import main
+
+main()

@@ -1,0 +1,201 @@
+"""The command line. Heavy packages are imported inside the command that needs them, so that `--help` is instant."""
+
+from __future__ import annotations
+
+import functools
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+
+from crowd.errors import InputError
+
+BAD_INPUT, INTERRUPTED = 2, 130
+
+app = typer.Typer(
+    name="crowd",
+    help="Crowds of walking characters wading through fluid: a YAML scenario, one jitted JAX step.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+ScenarioFile = Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario YAML file.")]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY.PATH=VALUE", help="Change a key, e.g. herds.people.count=10 (repeatable)."),
+]
+
+
+def _told(command: Callable[..., None]) -> Callable[..., None]:
+    """Bad input ends with its problems and exit code 2, an interrupt with 130; neither shows a traceback."""
+
+    @functools.wraps(command)
+    def run(*args: Any, **kwargs: Any) -> None:
+        try:
+            command(*args, **kwargs)
+        except InputError as error:
+            _refuse(error)
+        except KeyboardInterrupt:
+            print("interrupted", file=sys.stderr)
+            raise typer.Exit(INTERRUPTED) from None
+        except BrokenPipeError:  # the reader of our output has gone: `crowd schema | head`
+            sys.stderr.close()
+            raise typer.Exit(0) from None
+
+    return run
+
+
+def _refuse(error: InputError) -> NoReturn:
+    for problem in error.problems:
+        print(f"error: {problem}", file=sys.stderr)
+    if len(error.problems) > 1:
+        print(f"{len(error.problems)} problems; nothing was written", file=sys.stderr)
+    raise typer.Exit(BAD_INPUT) from None
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        import crowd
+
+        print(f"crowd {crowd.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Crowds of walking characters wading through fluid: a YAML scenario, one jitted JAX step."""
+
+
+@app.command()
+@_told
+def run(
+    scenario: ScenarioFile,
+    out: Annotated[Path | None, typer.Option(help="Output folder [default: runs/NAME].")] = None,
+    frames: Annotated[int | None, typer.Option(min=1, help="Frames to step instead of the scenario's.")] = None,
+    seconds: Annotated[float | None, typer.Option(min=0, help="Seconds to run instead of the scenario's.")] = None,
+    devices: Annotated[int | None, typer.Option(min=1, help="Devices (CPU: cores) to share the crowd among.")] = None,
+    overrides: Overrides = None,
+) -> None:
+    """Run a scenario: recording (Zarr), metrics (CSV), plots and pictures (PNG)."""
+    from crowd.run import run_scenario
+
+    run_scenario(scenario, out, frames, seconds, devices, overrides or [])
+
+
+@app.command()
+@_told
+def check(scenario: ScenarioFile, overrides: Overrides = None) -> None:
+    """Validate a scenario with all its files and tell what it needs, without compiling."""
+    from crowd.check import check as check_scenario
+    from crowd.scenario import load
+
+    loaded = load(scenario, overrides or [])
+    summary = check_scenario(loaded)
+    for herd in summary.herds:
+        kind = herd.archetype
+        print(
+            f"{herd.name}: {herd.count:,} x {kind.name} ({len(kind.legs)} legs, {kind.skeleton.count} joints, "
+            f"{len(kind.mesh.triangles):,} triangles, {kind.height:.2f} m, {kind.mass:.0f} kg), "
+            f"start depth {herd.depth:.2f} m"
+        )
+    for note in summary.notes:
+        print(f"note: {note}")
+    print(f"{loaded.character_count:,} characters, {summary.frames:,} frames at {loaded.rate_hz} Hz")
+    print(f"memory about {_size(summary.memory)}, recording about {_size(summary.recording)} before compression")
+    print("ok")
+
+
+@app.command()
+@_told
+def rig(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Character: .glb, .gltf or .bvh.")],
+    out: Annotated[Path | None, typer.Option(help="Write the rig description to this YAML file.")] = None,
+) -> None:
+    """Inspect a character file and propose its rig description: legs, arms, scale, facing and clips."""
+    from crowd.rig import propose
+
+    text = propose(file)
+    if out is None:
+        print(text, end="")
+        return
+    _write(out, text)
+    print(f"wrote {out}")
+
+
+@app.command()
+@_told
+def schema(out: Annotated[Path | None, typer.Option(help="Write to this file.")] = None) -> None:
+    """Print the JSON Schema of scenario files, for editors."""
+    import json
+
+    from crowd.scenario import schema as scenario_schema
+
+    text = json.dumps(scenario_schema(), indent=2, ensure_ascii=False) + "\n"
+    if out is None:
+        print(text, end="")
+    else:
+        _write(out, text)
+
+
+@app.command()
+@_told
+def doctor() -> None:
+    """Print versions, devices and caches."""
+    from crowd.doctor import findings
+
+    rows = findings()
+    width = max(len(name) for name, _ in rows)
+    for name, value in rows:
+        print(f"{name:<{width}}  {value}")
+
+
+@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
+@_told
+def bench(context: typer.Context) -> None:
+    """Run the benchmarks of a checkout; arguments are passed on."""
+    import importlib.util
+    import runpy
+
+    from crowd.errors import fail
+
+    root = Path(__file__).resolve().parents[1]
+    if not (root / "benchmarks" / "run.py").is_file():
+        raise fail("crowd bench", f"benchmarks are part of a checkout; there are none in {root}")
+    if importlib.util.find_spec("benchmarks") is None:
+        sys.path.insert(0, str(root))
+    sys.argv = ["crowd bench", *context.args]
+    runpy.run_module("benchmarks.run", run_name="__main__")
+
+
+def _write(path: Path, text: str) -> None:
+    from crowd.errors import fail
+
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise fail(str(path), f"cannot be written: {error.strerror}") from None
+
+
+def _size(count: int) -> str:
+    value = float(count)
+    for unit in ("B", "kB", "MB", "GB"):
+        if value < 1000:
+            return f"{value:.0f} {unit}" if unit == "B" else f"{value:.1f} {unit}"
+        value /= 1000
+    return f"{value:.1f} TB"
+
+
+def main() -> None:
+    """Entry point of the `crowd` command."""
+    app()
+
+
+if __name__ == "__main__":
+    main()

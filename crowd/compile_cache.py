@@ -1,0 +1,35 @@
+"""Compiled programs kept between runs, so that only the first run of a scenario waits for the compiler."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+def folder() -> Path:
+    """`JAX_COMPILATION_CACHE_DIR`, or crowd/jax in the user's cache folder."""
+    given = os.environ.get("JAX_COMPILATION_CACHE_DIR")
+    if given:
+        return Path(given)
+    cache = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    return Path(cache) / "crowd" / "jax"
+
+
+def enable() -> Path | None:
+    """Turns the cache on for this process; None where its folder cannot be written. Call before compiling."""
+    import jax
+
+    path = folder()
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return None
+    jax.config.update("jax_compilation_cache_dir", str(path))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)
+    return path
+
+
+def size() -> int:
+    """Bytes in the cache."""
+    path = folder()
+    return sum(file.stat().st_size for file in path.rglob("*") if file.is_file()) if path.is_dir() else 0
