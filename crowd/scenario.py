@@ -6,6 +6,7 @@ every problem at once, each with file, line, key path, the value found and what 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -154,10 +155,20 @@ def load(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) 
     table, table_problems = _fluids(document, folder)
     problems += table_problems + cross_checks(document, parts, table, folder)
     if problems or scenario is None:
-        raise InputError(dict.fromkeys(problems))
+        raise InputError(_in_order(problems))
     scenario._path, scenario._lines, scenario._document = path, document.lines, document
     scenario._fluid_table = table
     return scenario
+
+
+def _in_order(problems: list[Problem]) -> list[Problem]:
+    """Each problem once, by line."""
+
+    def line(problem: Problem) -> int:
+        found = re.match(r"[^:]*:(\d+)", problem.where)
+        return int(found[1]) if found else 0
+
+    return sorted(dict.fromkeys(problems), key=line)
 
 
 def _plain(value: Any) -> Any:
