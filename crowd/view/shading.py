@@ -132,7 +132,9 @@ class Shader:
         """Lay a fluid surface over the band, in place: what is below is tinted by its depth, the sky is mirrored."""
         with np.errstate(divide="ignore", invalid="ignore"):
             along = F32(level.height - self.camera.eye[1]) / rays[:, 1]
-            pixel = np.nonzero((along > NEAR) & (along < distance) & (along < 1e5))[0]
+            # Ground that lies level with the surface (to 4 mm) is dry.
+            over = (distance - along) * np.abs(rays[:, 1]) > F32(0.004)
+            pixel = np.nonzero((along > NEAR) & (along < 1e5) & over)[0]
         ray, reach = rays[pixel], along[pixel]
         x, z = F32(self.camera.eye[0]) + ray[:, 0] * reach, F32(self.camera.eye[2]) + ray[:, 2] * reach
         inside = level.covers(x, z)

@@ -59,7 +59,7 @@ def rasterize(xy: np.ndarray, nearness: np.ndarray, size: tuple[int, int]) -> Vi
     """
     width, height = size
     buffer = np.zeros(width * height, np.uint64)
-    usable: np.ndarray = np.isfinite(xy).all((1, 2)) & (nearness > 0).all(1)
+    usable = np.asarray(np.isfinite(xy).all((1, 2)) & (nearness > 0).all(1))
     # Pixel centres lie at +0.5.
     low = np.ceil(np.where(usable[:, None], xy.min(1), 1.0) - 0.5)
     high = np.floor(np.where(usable[:, None], xy.max(1), 0.0) - 0.5)

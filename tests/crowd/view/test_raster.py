@@ -71,7 +71,7 @@ def test_nearer_body_hides_the_farther_whatever_the_order():
         middle, beside = picture[32, 48], picture[32, 60]
         assert middle[0] > middle[2] + 80
         assert beside[2] > beside[0] + 80
-    assert np.array_equal(*pictures)
+    assert np.array_equal(pictures[0], pictures[1])
 
 
 def test_unusable_triangles_are_skipped():

@@ -1,0 +1,160 @@
+"""Recordings read back: the same names and shapes as the result of a simulation, read from disk when asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+
+from crowd.errors import fail
+from crowd.recorded_scene import RecordedHerd, RecordedScene, grid_heights
+from crowd.recording_layout import FORMAT, GROUND, HERD, ROOT
+from crowd.types import Archetype, Leg, Mesh, Skeleton
+
+
+@dataclass(frozen=True)
+class Stored:
+    """An array [time, character, ...] on disk; index time and then characters by integers or slices."""
+
+    array: zarr.Array
+    frames: int
+    first: int  # column of the herd's first character
+    count: int
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return (self.frames, self.count, *self.array.shape[2:])
+
+    @property
+    def dtype(self) -> np.dtype:
+        return np.dtype(self.array.dtype)
+
+    def __len__(self) -> int:
+        return self.frames
+
+    def __getitem__(self, key: Any) -> np.ndarray:
+        time, people = key if isinstance(key, tuple) else (key, slice(None))
+        rows = range(self.frames)[time]
+        columns = range(self.first, self.first + self.count)[people]
+        return np.asarray(self.array[_selection(rows), _selection(columns)])[_steps(rows, columns)]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return np.asarray(self[:], dtype)
+
+
+def _selection(chosen: range | int) -> slice | int:
+    """A slice forward by 1 that holds the range."""
+    if isinstance(chosen, int):
+        return chosen
+    return slice(min(chosen), max(chosen) + 1) if chosen else slice(0, 0)
+
+
+def _steps(*chosen: range | int) -> tuple[slice, ...]:
+    """Pick a range's own order and steps out of what was read."""
+    return tuple(slice(None, None, part.step) for part in chosen if isinstance(part, range))
+
+
+class StoredHerd(Mapping[str, Stored]):
+    """Arrays of one herd by name, those of the root included."""
+
+    def __init__(self, arrays: dict[str, Stored]):
+        self._arrays = arrays
+
+    def __getitem__(self, name: str) -> Stored:
+        return self._arrays[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._arrays)
+
+    def __len__(self) -> int:
+        return len(self._arrays)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A recording on disk. `time` [t] s; herds[name][array] as in `crowd.recording_layout`; `scene` without clips."""
+
+    path: Path
+    time: np.ndarray
+    herds: dict[str, StoredHerd]
+    scene: RecordedScene
+    attributes: dict[str, Any]
+
+
+def open_recording(path: str | Path) -> Recording:
+    """Open a recording, whole or cut short; frames that were not completely written are left out.
+
+    Raises `InputError` when there is none at `path`.
+    """
+    path = Path(path)
+    try:
+        # Consolidated metadata is only there after an orderly end; what lies on disk always is.
+        root = zarr.open_group(str(path), mode="r", use_consolidated=False)
+    except (OSError, ValueError, KeyError) as error:
+        raise fail(str(path), "no recording there (a folder written by `crowd run`, recording.zarr)") from error
+    attributes = dict(root.attrs)
+    if attributes.get("format") != FORMAT:
+        raise fail(str(path), f"format {attributes.get('format')!r}, expected {FORMAT!r}")
+    frames = int(attributes["frames"])  # type: ignore[call-overload]
+    herds, described, first = {}, [], 0
+    for name in attributes["herds"]:  # type: ignore[union-attr]
+        group = root[name]
+        assert isinstance(group, zarr.Group)
+        count = int(_array(group, "character").shape[0])
+        arrays = {n: Stored(_array(root, n), frames, first, count) for n in ROOT if n in root}
+        arrays |= {n: Stored(_array(group, n), frames, 0, count) for n in HERD if n in group}
+        herds[name] = StoredHerd(arrays)
+        described.append(_herd(name, group, count))
+        first += count
+    time = np.asarray(_array(root, "time")[:frames]) if "time" in root else np.zeros(0)
+    scene = RecordedScene(tuple(described), _heights(root), list(attributes.get("levels") or []))  # type: ignore[arg-type]
+    return Recording(path, time, herds, scene, attributes)
+
+
+def _array(group: zarr.Group, name: str) -> zarr.Array:
+    found = group[name]
+    assert isinstance(found, zarr.Array)
+    return found
+
+
+def _heights(root: zarr.Group) -> Any:
+    if f"{GROUND}/height" not in root:
+        return lambda x, z: np.zeros(np.broadcast_shapes(np.shape(x), np.shape(z)))
+    return grid_heights(*(np.asarray(_array(root, f"{GROUND}/{name}")[...]) for name in ("x", "z", "height")))
+
+
+def _herd(name: str, group: zarr.Group, count: int) -> RecordedHerd:
+    def read(array: str) -> np.ndarray:
+        return np.asarray(_array(group, array)[...])
+
+    skeleton = Skeleton(
+        tuple(str(joint) for joint in read("joint")),
+        tuple(int(parent) for parent in read("parent")),
+        read("rest_rotation"),
+        read("rest_translation"),
+    )
+    legs = tuple(
+        Leg(str(leg), *(int(j) for j in part[:4]), tuple(float(value) for value in offset), int(part[4]))  # type: ignore[arg-type]
+        for leg, part, offset in zip(read("leg"), read("leg_joint"), read("ball_offset"), strict=True)
+    )
+    mesh = Mesh(
+        read("mesh_vertex"), read("mesh_triangle"), read("mesh_joint"), read("mesh_weight"), read("inverse_bind")
+    )
+    about: dict[str, Any] = dict(group.attrs)
+    archetype = Archetype(
+        about["archetype"],
+        skeleton,
+        mesh,
+        legs,
+        (),
+        (),
+        about["pelvis"],
+        about["height"],
+        about["mass"],
+        about["source"],
+    )
+    return RecordedHerd(name, archetype, count, read("scale"), read("mass"), read("reference_speed"))
