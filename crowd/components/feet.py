@@ -1,0 +1,171 @@
+"""Feet: legs bend to their handles by analytic inverse kinematics, starting from the clip's own leg pose."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from crowd.assets import HerdAssets, World
+from crowd.components import sense
+from crowd.components.gait import Mix
+from crowd.layout import HerdLayout, Layout
+from crowd.params import Character
+from crowd.state import State
+from kernels import ik, quat
+from kernels.vec import TINY, dot, unit
+
+STRETCH = 0.998  # of a leg's length: the body comes down when a leg would need more
+BEND_SHARE = 0.05  # of a leg's length: keeps the bend plane defined where the clip's leg is straight
+MOST_DROP = 0.3  # of the hips' height
+
+
+class Segments(NamedTuple):
+    """Rigid parts of limbs that inverse kinematics turned: S segments."""
+
+    turn: Array  # [4, S, n]
+    before: Array  # [3, S, n] m, joint the segment turns about, as the clip has it
+    after: Array  # [3, S, n] m, where that joint goes
+
+
+class Feet(NamedTuple):
+    """Legs after inverse kinematics, relative to the character's position."""
+
+    segments: Segments  # of all legs: upper, lower, foot
+    drop: Array  # [n] m, how far the body comes down
+    ball: Array  # [3, L, n] m
+    ankle: Array  # [3, L, n] m
+    over_reach: Array  # [L, n] m
+    handle: Array  # [3, L, n] m, where the contact point should be; all relative to the character's position
+    planted: Array  # [L, n] bool
+
+
+def _swing_height(herd: HerdLayout, assets: HerdAssets, character: Character, state: State, blend: Mix) -> Array:
+    """[L, n] m, height of each contact point above the ground: the clips' own, at the leg's own progress."""
+    steps = herd.swing_samples - 1
+    at = jnp.clip(state.progress, 0.0, 1.0) * steps
+    first = jnp.clip(jnp.floor(at).astype(jnp.int32), 0, steps - 1)
+    share = at - first
+    leg = jnp.arange(herd.legs).reshape(-1, 1) * (herd.gaits * herd.swing_samples)
+    total = jnp.zeros_like(at)
+    for k in range(herd.gaits):
+        index = leg + k * herd.swing_samples + first
+        height = assets.swing_height[index] * (1.0 - share) + assets.swing_height[index + 1] * share
+        total = total + blend.share[k] * height
+    return total * character.scale
+
+
+def feet(
+    layout: Layout,
+    herd: HerdLayout,
+    assets: HerdAssets,
+    world: World,
+    character: Character,
+    state: State,
+    blend: Mix,
+    transforms: Array,
+) -> Feet:
+    """Legs after the clip's pose: bent to their handles, or left as the clip has them (`gait: clip`)."""
+    if layout.footsteps:
+        height, slope = sense.ground(layout, world, state.handle)
+        return _bent(
+            herd,
+            assets,
+            character,
+            state,
+            transforms,
+            height,
+            slope,
+            _swing_height(herd, assets, character, state, blend),
+        )
+    return _as_played(herd, assets, character, state, blend, transforms)
+
+
+def _bent(
+    herd: HerdLayout,
+    assets: HerdAssets,
+    character: Character,
+    state: State,
+    transforms: Array,
+    height: Array,
+    slope: Array,
+    lift: Array,
+) -> Feet:
+    """Legs to their handles by inverse kinematics.
+
+    height, slope: ground [L, n] and its slope [2, L, n] at the handles. lift: height of the contact points above it.
+    The contact point goes to the handle, the foot keeps the clip's attitude about it (heel lift) without the body's
+    pitch, laid onto the slope. Bones between hip and knee or knee and ankle keep the clip's pose.
+    """
+    position = transforms[4:]
+    hips, knees, ankles = (position[:, np.array(j)] for j in (herd.hips, herd.knees, herd.ankles))
+    balls = np.array(herd.balls)
+    contact = position[:, balls] + quat.rotate(transforms[:4][:, balls], assets.ball_offset * character.scale)
+    place = state.handle - state.position[np.array([0, 2])][:, None]
+    goal = jnp.stack([place[0], height - state.position[1] + lift, place[1]])
+    level = _levelled(state, slope)
+    foot = quat.rotate(level, ankles - contact)
+    target = goal + foot
+    upper_clip, lower_clip = knees - hips, ankles - knees
+    upper = jnp.sqrt(dot(upper_clip, upper_clip) + TINY)
+    lower = jnp.sqrt(dot(lower_clip, lower_clip) + TINY)
+    drop = _drop(assets, character, state, hips, target, upper + lower)
+    down = jnp.stack([jnp.zeros_like(drop), drop, jnp.zeros_like(drop)])[:, None]
+    hips_down = hips - down
+    pole = _pole(assets, state, upper_clip, ankles - hips, upper + lower)
+    knee, reached, missed = ik.two_bone(hips_down, target, pole, upper, lower)
+    turn_upper = quat.between(upper_clip / upper, (knee - hips_down) / upper)
+    turn_lower = quat.between(lower_clip / lower, unit(reached - knee))
+    segments = Segments(
+        jnp.concatenate([turn_upper, turn_lower, level], 1),
+        jnp.concatenate([hips, knees, ankles], 1),
+        jnp.concatenate([hips_down, knee, reached], 1),
+    )
+    return Feet(segments, drop, reached - foot, reached, missed, goal, state.progress >= 1.0)
+
+
+def _levelled(state: State, slope: Array) -> Array:
+    """[4, L, n]: takes a foot from the pitched body's frame to the ground under it."""
+    half = -0.5 * state.pitch
+    sin, cos = jnp.sin(state.yaw), jnp.cos(state.yaw)
+    s = jnp.sin(half)
+    unpitch = jnp.stack([jnp.cos(half), cos * s, 0 * s, -sin * s])[:, None]
+    up = unit(jnp.stack([-slope[0], jnp.ones_like(slope[0]), -slope[1]]))
+    flat = jnp.zeros_like(up).at[1].set(1.0)
+    return quat.multiply(quat.between(flat, up), unpitch)
+
+
+def _drop(assets: HerdAssets, character: Character, state: State, hips: Array, target: Array, length: Array) -> Array:
+    """[n] m by which the hips come down so that every leg reaches; legs in mid-swing do not ask for it."""
+    way = target - hips
+    most = STRETCH * length
+    vertical = jnp.sqrt(jnp.maximum(most * most - way[0] ** 2 - way[2] ** 2, (0.3 * length) ** 2))
+    need = -way[1] - vertical
+    ends = jnp.abs(2.0 * state.progress - 1.0)
+    need = (jnp.maximum(need, 0.0) * ends * ends).max(0)
+    return jnp.minimum(need, MOST_DROP * assets.pivot_height * character.scale)
+
+
+def _pole(assets: HerdAssets, state: State, upper: Array, leg: Array, length: Array) -> Array:
+    """[3, L, n] the clip's knee off its hip-ankle line, with a little of the leg's usual bend."""
+    along = dot(upper, leg) / (dot(leg, leg) + TINY)
+    off = upper - along * leg
+    usual = quat.rotate(quat.about_y(state.yaw)[:, None], assets.bend)
+    return off + BEND_SHARE * length * usual
+
+
+def _as_played(
+    herd: HerdLayout, assets: HerdAssets, character: Character, state: State, blend: Mix, transforms: Array
+) -> Feet:
+    """Legs as the clip has them; contact follows from the clip's own phase. They skate when the speed is not the clip's."""
+    balls, ankles = np.array(herd.balls), np.array(herd.ankles)
+    contact = transforms[4:][:, balls] + quat.rotate(transforms[:4][:, balls], assets.ball_offset * character.scale)
+    since = state.phase - blend.lift
+    since = since - jnp.floor(since)
+    planted = (since >= 1.0 - blend.duty) | (state.idle > 0.5)
+    zero = jnp.zeros_like(since)
+    still = jnp.zeros((4, 0, *state.phase.shape), contact.dtype)
+    none = jnp.zeros((3, 0, *state.phase.shape), contact.dtype)
+    return Feet(Segments(still, none, none), zero[0], contact, transforms[4:][:, ankles], zero, contact, planted)

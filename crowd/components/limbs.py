@@ -1,0 +1,43 @@
+"""Limbs: carry every joint along with the limb segment it belongs to, after inverse kinematics."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from crowd.components.feet import Segments
+from crowd.layout import HerdLayout
+from kernels import quat
+from kernels.wall import Wall
+
+
+def joined(first: Segments, second: Segments | None) -> Segments:
+    """The segments of legs and arms together."""
+    if second is None:
+        return first
+    return Segments(*(jnp.concatenate([a, b], 1) for a, b in zip(first, second, strict=True)))
+
+
+def bend(herd: HerdLayout, transforms: Array, segments: Segments, drop: Array, wall: Wall) -> Array:
+    """Transforms [7, J, n] with the body lowered by `drop` and the limbs turned."""
+    segment = herd.limb_segments
+    limb = np.flatnonzero((segment >= 0) & (segment < segments.turn.shape[1]))
+    if not len(limb):
+        return transforms
+    trunk = np.setdiff1d(np.arange(herd.joints), limb)
+    back = np.argsort(np.concatenate([trunk, limb]))
+    which = segment[limb]
+
+    def lowered(transforms: Array, drop: Array) -> Array:
+        return transforms[:, trunk].at[5].add(-drop)
+
+    def turned(transforms: Array, turn: Array, before: Array, after: Array) -> Array:
+        position = after + quat.rotate(turn, transforms[4:] - before)
+        return jnp.concatenate([quat.multiply(turn, transforms[:4]), position])
+
+    body = wall(lowered, transforms, drop)
+    limbs = wall(
+        turned, transforms[:, limb], segments.turn[:, which], segments.before[:, which], segments.after[:, which]
+    )
+    return wall(lambda body, limbs: jnp.concatenate([body, limbs], 1)[:, back], body, limbs)

@@ -1,0 +1,124 @@
+"""Skin: the mesh of this frame, and the drag on it that the next frame's body feels (section 5.1)."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from crowd.assets import HerdAssets
+from crowd.components.sense import Surroundings
+from crowd.layout import HerdLayout, Layout
+from crowd.params import Character
+from crowd.state import FAULT_DRAG, State
+from kernels import drag, quat, skinning
+from kernels.vec import cross
+from kernels.wall import Wall
+
+
+class Load(NamedTuple):
+    """What the fluid does to a character, for the recording."""
+
+    force: Array  # [3, n] N
+    torque: Array  # [3, n] N m, (C_P - C_M) x F (Eq. 7)
+    center_of_pressure: Array  # [3, n] m, relative to the position; NaN when dry
+
+
+def dry(state: State) -> Load:
+    """No fluid anywhere."""
+    zero = jnp.zeros_like(state.force)
+    return Load(zero, zero, jnp.full_like(state.force, jnp.nan))
+
+
+def mesh(
+    layout: Layout, herd: HerdLayout, assets: HerdAssets, character: Character, transforms: Array, wall: Wall
+) -> Array:
+    """What moves in the fluid: vertices [3, V, n], or the transforms themselves when triangles ride on bones."""
+    if layout.mesh == "rigid":
+        return transforms
+    columns = wall(skinning.bone_columns, transforms, character.scale)
+    bones = herd.vertex_bones.values
+    return wall(lambda local, columns: skinning.skin(bones, local, columns), assets.skin_local, columns)
+
+
+def fluid_drag(
+    layout: Layout,
+    herd: HerdLayout,
+    assets: HerdAssets,
+    character: Character,
+    state: State,
+    previous: Array,
+    place: Surroundings,
+    way: Array,
+    transforms: Array,
+    moved: Array,
+    wall: Wall,
+) -> tuple[State, Load]:
+    """The state with this frame's drag. moved, previous: the mesh now and in the frame before, relative to the
+    character's position then; way [3, n]: of that position, m.
+
+    The first frame has no frame before it, hence no limb velocities, and no drag.
+    """
+    fluid = place.fluid._replace(surface=jnp.maximum(place.fluid.surface - state.position[1], -1e3))
+    rate = 1.0 / layout.dt
+    if layout.mesh == "rigid":
+        velocity = wall(_bone_velocity, moved, previous, way, fluid.flow, rate)
+        total = drag.rigid(
+            herd.block_bones.values,
+            assets.rigid_mesh,
+            moved,
+            velocity,
+            character.scale,
+            fluid,
+            layout.submersion,
+            layout.offset_mode,
+            wall,
+        )
+    else:
+        velocity = wall(
+            lambda now, before, way, flow: (now - before + way[:, None]) * rate - flow[:, None],
+            moved,
+            previous,
+            way,
+            fluid.flow,
+        )
+        total = drag.skinned(herd.triangles.values, moved, velocity, fluid, layout.submersion, layout.offset_mode, wall)
+    hips = transforms[4:][:, np.array(herd.hips)]
+    return wall(_applied, state, total, hips)
+
+
+def _bone_velocity(now: Array, before: Array, way: Array, flow: Array, rate: float) -> Array:
+    """[6, J, n]: velocity of each bone's origin less the flow, and its spin in its own frame."""
+    linear = (now[4:] - before[4:] + way[:, None]) * rate - flow[:, None]
+    turn = quat.multiply(quat.conjugate(before[:4]), now[:4])
+    return jnp.concatenate([linear, turn[1:] * (2.0 * rate * jnp.sign(turn[0]))])
+
+
+def _applied(state: State, total: drag.Drag, hips: Array) -> tuple[State, Load]:
+    center_of_mass = hips.sum(1) / hips.shape[1]
+    felt = (state.frame > 0) & (state.fault == 0)
+    check = total.force.sum(0) + total.moment.sum(0) + total.magnitude + total.slope
+    finite = jnp.isfinite(check)
+    use = felt & finite
+    force = jnp.where(use, total.force, 0.0)
+    wet = use & (total.magnitude > 1e-6)
+    center = jnp.where(wet, total.moment / jnp.where(wet, total.magnitude, 1.0), center_of_mass)
+    arm = center - center_of_mass
+    torque = cross(arm, force)
+    left = jnp.stack([jnp.cos(state.yaw), jnp.zeros_like(state.yaw), -jnp.sin(state.yaw)])
+    pitch_torque = torque[0] * left[0] + torque[2] * left[2]
+    # F = g u |u|-like: the force falls by 2 g per metre per second that the whole body yields
+    slope = 2.0 * jnp.where(use, total.slope, 0.0)
+    state = dataclasses.replace(
+        state,
+        force=force,
+        torque=jnp.stack([torque[1], pitch_torque]),
+        drag_slope=jnp.stack(
+            [slope, slope * (arm[0] ** 2 + arm[2] ** 2), slope * (arm[1] ** 2 + arm[0] ** 2 + arm[2] ** 2)]
+        ),
+        fault=state.fault | jnp.where(finite, 0, FAULT_DRAG),
+    )
+    return state, Load(force, torque, jnp.where(wet, center, jnp.nan))

@@ -1,0 +1,189 @@
+"""An archetype as arrays: its static layout and its device tables."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from crowd import posing
+from crowd.analysis.gait import Gait, feet
+from crowd.assets import HerdAssets
+from crowd.layout import HerdLayout
+from crowd.resampling import resample, resample_rotation
+from crowd.scene import SAMPLES, HerdScene
+from crowd.tree import StaticArray
+from crowd.types import Archetype, Clip, Mesh
+from kernels.drag import RigidMesh
+
+BLOCK = 16  # triangles per block of the rigid mesh
+MOVING = 1e-4  # m: a joint whose translation varies less is rigid
+
+
+def herd_layout(herd: HerdScene) -> HerdLayout:
+    """Topology and capacities of a herd."""
+    rig = herd.archetype
+    mesh = rig.mesh
+    waypoints = herd.model.waypoints
+    return HerdLayout(
+        name=herd.name,
+        parents=tuple(int(parent) for parent in rig.skeleton.parents),
+        hips=tuple(leg.hip for leg in rig.legs),
+        knees=tuple(leg.knee for leg in rig.legs),
+        ankles=tuple(leg.ankle for leg in rig.legs),
+        balls=tuple(leg.ball for leg in rig.legs),
+        partners=_partners(rig),
+        sides=tuple(leg.side for leg in rig.legs),
+        shoulders=tuple(arm.shoulder for arm in rig.arms),
+        elbows=tuple(arm.elbow for arm in rig.arms),
+        hands=tuple(arm.hand for arm in rig.arms),
+        moving=tuple(int(joint) for joint in np.flatnonzero(_moving(herd))),
+        gaits=len(herd.gaits),
+        samples=SAMPLES,
+        swing_samples=len(herd.gaits[0].swing_height),
+        triangles=StaticArray(mesh.triangles.astype(np.int32)),
+        vertex_bones=StaticArray(_influences(mesh)[0].astype(np.int32)),
+        block_bones=StaticArray(_blocks(mesh)[0].astype(np.int32)),
+        waypoints=len(waypoints.points_m) if waypoints else 0,
+        loop=bool(waypoints and waypoints.loop),
+    )
+
+
+def herd_assets(herd: HerdScene) -> HerdAssets:
+    """Device tables of a herd; shapes are those of `herd_layout`."""
+    rig, gaits = herd.archetype, herd.gaits
+    idle_rotation, idle_translation = _idle_tables(herd.idle)
+    rotation = [gait.rotation for gait in gaits] + [idle_rotation]
+    translation = [gait.translation for gait in gaits] + [idle_translation]
+    _, at_rest = posing.world_transforms(rig.skeleton, posing.rest_motion(rig.skeleton))
+    stand, _ = feet(rig, idle_rotation, idle_translation)
+    arm_length = max([_length(at_rest, arm.shoulder, arm.elbow, arm.hand) for arm in rig.arms], default=1.0)
+    outward = np.array([[arm.side, 0.0, 0.35] for arm in rig.arms]).reshape(-1, 3)
+    outward = outward / np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-9)
+    offsets = np.array([leg.ball_offset for leg in rig.legs])
+    waypoints = herd.model.waypoints.points_m if herd.model.waypoints else np.zeros((0, 2))
+    return HerdAssets(
+        rest_translation=_array(rig.skeleton.rest_translation.T[..., None]),
+        rotation_table=_array(np.concatenate(_one_hemisphere(rotation)).transpose(2, 1, 0)),
+        translation_table=_array(np.concatenate(translation)[:, _moving(herd)].transpose(2, 1, 0)),
+        idle_rate=_array(np.array(1.0 / herd.idle.duration)),
+        period=_array(np.array([gait.period for gait in gaits])),
+        speed=_array(np.array([gait.speed for gait in gaits])),
+        lift=_array(_unwrapped([gait.lift for gait in gaits])[..., None]),
+        duty=_array(np.stack([gait.duty for gait in gaits])[..., None]),
+        rest=_array(np.stack([gait.rest.T for gait in gaits])[..., None]),
+        idle_rest=_array(stand.mean(0)[:, [0, 2]].T[..., None]),
+        swing_height=_array(np.stack([gait.swing_height.T for gait in gaits], 1).reshape(-1)),
+        ball_offset=_array(offsets.T[..., None]),
+        bend=_array(_bend(rig, gaits).T[..., None]),
+        arm_length=_array(np.array(arm_length)),
+        arm_outward=_array(outward.T[..., None]),
+        pivot_height=_array(np.array(max(at_rest[[leg.hip for leg in rig.legs], 1].mean(), 0.05))),
+        skin_local=_array(_influences(rig.mesh)[1]),
+        rigid_mesh=_blocks(rig.mesh)[1],
+        waypoints=_array(np.asarray(waypoints, float).reshape(-1, 2).T[..., None]),
+    )
+
+
+def _array(values: np.ndarray) -> Array:
+    return jnp.asarray(np.asarray(values, np.float32))
+
+
+def _partners(rig: Archetype) -> tuple[int, ...]:
+    """For each leg the nearest one of the other side, when that is mutual; else itself."""
+    _, at_rest = posing.world_transforms(rig.skeleton, posing.rest_motion(rig.skeleton))
+    place = np.array([at_rest[leg.hip] for leg in rig.legs])
+
+    def nearest(i: int) -> int:
+        others = [j for j, leg in enumerate(rig.legs) if leg.side == -rig.legs[i].side and leg.side != 0]
+        mirrored = place[i] * [-1, 1, 1]
+        return min(others, key=lambda j: float(np.linalg.norm(place[j] - mirrored)), default=i)
+
+    return tuple(nearest(i) if nearest(nearest(i)) == i else i for i in range(len(rig.legs)))
+
+
+def _moving(herd: HerdScene) -> np.ndarray:
+    """[J] joints whose translation leaves the rest pose's somewhere in the clips."""
+    rest = herd.archetype.skeleton.rest_translation
+    tables = [gait.translation for gait in herd.gaits] + [herd.idle.translation]
+    return np.any([np.abs(table - rest).max((0, 2)) > MOVING for table in tables], axis=0)
+
+
+def _idle_tables(idle: Clip) -> tuple[np.ndarray, np.ndarray]:
+    at = np.arange(SAMPLES) * (len(idle.rotation) / SAMPLES)
+    return resample_rotation(idle.rotation, at, True), resample(idle.translation, at, True)
+
+
+def _one_hemisphere(tables: list[np.ndarray]) -> list[np.ndarray]:
+    """Quaternion tables [S, J, 4] with every sample on the side of the first clip's mean, so that sums blend."""
+    first = tables[0] * np.where(np.sum(tables[0] * tables[0][:1], -1, keepdims=True) < 0, -1, 1)
+    mean = first.sum(0)
+    return [table * np.where(np.sum(table * mean, -1, keepdims=True) < 0, -1, 1) for table in tables]
+
+
+def _unwrapped(lifts: list[np.ndarray]) -> np.ndarray:
+    """Lift-off phases [K, L] so that neighbouring gaits differ by at most half a cycle."""
+    out = [lifts[0]]
+    for lift in lifts[1:]:
+        out.append(lift + np.round(out[-1] - lift))
+    return np.stack(out)
+
+
+def _bend(rig: Archetype, gaits: tuple[Gait, ...]) -> np.ndarray:
+    """[L, 3] unit mean direction of the knee off the line from hip to ankle, over all gaits; forward when straight."""
+    total = np.zeros((len(rig.legs), 3))
+    hip, knee, ankle = ([getattr(leg, part) for leg in rig.legs] for part in ("hip", "knee", "ankle"))
+    for gait in gaits:
+        still = posing.clip_motion(Clip("", "other", 1.0, gait.rotation, gait.translation))
+        _, at = posing.world_transforms(rig.skeleton, still)
+        leg, upper = at[:, ankle] - at[:, hip], at[:, knee] - at[:, hip]
+        along = np.sum(upper * leg, -1, keepdims=True) / np.maximum(np.sum(leg * leg, -1, keepdims=True), 1e-12)
+        total += (upper - along * leg).mean(0)
+    size = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.where(size > 1e-4, total / np.maximum(size, 1e-9), [0.0, 0.0, 1.0])
+
+
+def _length(at: np.ndarray, *joints: int) -> float:
+    return float(sum(np.linalg.norm(at[a] - at[b]) for a, b in zip(joints, joints[1:], strict=False)))
+
+
+def _influences(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Bones [V, k] and, per influence, weighted bind-frame vertices and weights [k, 4, V]; k is as small as possible."""
+    order = np.argsort(-mesh.weights, axis=1, kind="stable")
+    joints, weights = np.take_along_axis(mesh.joints, order, 1), np.take_along_axis(mesh.weights, order, 1)
+    used = max(1, int((weights > 1e-4).sum(1).max()))
+    joints, weights = joints[:, :used], weights[:, :used]
+    weights = weights / weights.sum(1, keepdims=True)
+    joints = np.where(weights > 0, joints, joints[:, :1])
+    homogeneous = np.concatenate([mesh.vertices, np.ones((len(mesh.vertices), 1))], 1)
+    local = np.einsum("vkrc,vc->vkr", mesh.inverse_bind[joints][:, :, :3], homogeneous)
+    rows = np.concatenate([local, np.ones((*local.shape[:2], 1))], 2) * weights[..., None]
+    return joints, rows.transpose(1, 2, 0)
+
+
+def _blocks(mesh: Mesh) -> tuple[np.ndarray, RigidMesh]:
+    """Each triangle on the bone that carries most of it, in blocks of one bone; padding has no area."""
+    share = np.zeros((len(mesh.triangles), len(mesh.inverse_bind)))
+    for corner in range(3):
+        for k in range(mesh.joints.shape[1]):
+            vertex = mesh.triangles[:, corner]
+            np.add.at(share, (np.arange(len(share)), mesh.joints[vertex, k]), mesh.weights[vertex, k])
+    owner = share.argmax(1)
+    bones, blocks = [], []
+    for bone in np.unique(owner):
+        mine = np.flatnonzero(owner == bone)
+        for start in range(0, len(mine), BLOCK):
+            part = mine[start : start + BLOCK]
+            blocks.append(np.concatenate([part, np.full(BLOCK - len(part), -1)]))
+            bones.append(bone)
+    index, bones = np.array(blocks), np.array(bones)
+    homogeneous = np.concatenate([mesh.vertices, np.ones((len(mesh.vertices), 1))], 1)
+    corners = homogeneous[mesh.triangles[index]]  # [blocks, size, 3, 4]
+    local = np.einsum("brc,bskc->bskr", mesh.inverse_bind[bones][:, :3], corners)
+    local = np.where((index < 0)[..., None, None], 0.0, local)
+    area = 0.5 * np.cross(local[:, :, 1] - local[:, :, 0], local[:, :, 2] - local[:, :, 0])
+    flat = local.transpose(0, 2, 1, 3).reshape(len(bones), -1, 3)  # corner-major
+    moments = np.concatenate([np.ones((len(bones), 1, flat.shape[1])), flat.transpose(0, 2, 1)], 1)
+    return bones, RigidMesh(
+        _array(local.transpose(2, 3, 0, 1)[..., None]), _array(area.transpose(2, 0, 1)[..., None]), _array(moments)
+    )

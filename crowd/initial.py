@@ -1,0 +1,109 @@
+"""The first state: characters in the middle of their stride at the velocity asked for, or standing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crowd import ground
+from crowd.analysis.gait import feet
+from crowd.layout import Layout
+from crowd.scene import HerdScene, Scene
+from crowd.state import State
+
+
+def initial_state(scene: Scene, herd: HerdScene, layout: Layout, number: int) -> State:
+    """State of a herd's characters, not yet in tiles; NumPy leaves with trailing axis n."""
+    count, legs = herd.count, len(herd.archetype.legs)
+    zero = np.zeros(count)
+    desired, follows = _desired(herd)
+    speed = np.hypot(*desired)
+    gait = _nearest_gait(herd, speed)
+    moving = speed > 0.115 * np.array([g.speed for g in herd.gaits])[gait] * np.sqrt(herd.scale)
+    progress, handle, target = _feet(herd, desired, gait, moving)
+    x, z = herd.points.T
+    mesh = herd.archetype.mesh
+    previous = np.zeros((3, len(mesh.vertices), count), np.float32)
+    if layout.mesh == "rigid":
+        previous = np.zeros((7, herd.archetype.skeleton.count, count), np.float32)
+        previous[0] = 1.0
+    if not layout.regions:
+        previous = np.zeros((0, count), np.float32)
+    return State(  # pyright: ignore[reportArgumentType]
+        frame=np.zeros(count, np.int32),
+        position=np.stack([x, ground.height(scene.terrain, x, z), z]),
+        velocity=desired,
+        smoothed=desired,
+        desired=desired,
+        waypoint=np.full(count, 0 if herd.model.waypoints else -1, np.int32),
+        facing=herd.headings,
+        heading=herd.headings,
+        follows=np.full(count, follows),
+        yaw=herd.headings,
+        yaw_rate=zero,
+        pitch=zero,
+        pitch_rate=zero,
+        gait_speed=speed,
+        idle=np.where(moving, 0.0, 1.0),
+        idle_phase=herd.phase,
+        phase=herd.phase,
+        progress=progress.reshape(legs, count),
+        handle=handle,
+        target=target,
+        force=np.zeros((3, count)),
+        torque=np.zeros((2, count)),
+        drag_slope=np.zeros((3, count)),
+        previous=previous,
+        fault=np.zeros(count, np.int32),
+    )
+
+
+def _desired(herd: HerdScene) -> tuple[np.ndarray, bool]:
+    """[2, n] m/s asked for at the start, and whether headings follow it."""
+    model, count = herd.model, herd.count
+    sin, cos = np.sin(herd.headings), np.cos(herd.headings)
+    if model.waypoints is not None:
+        speed = model.waypoints.speed_m_s * herd.speed
+        return np.stack([sin, cos]) * speed, True
+    if model.velocity_m_s is not None:
+        return np.array(model.velocity_m_s).reshape(2, 1) * herd.speed, True
+    return np.stack([sin, cos]) * ((model.speed_m_s or 0.0) * herd.speed * np.ones(count)), False
+
+
+def _nearest_gait(herd: HerdScene, speed: np.ndarray) -> np.ndarray:
+    """[n] the gait each speed is walked in: boundaries half-way (geometric) between the clips' own speeds."""
+    own = np.array([gait.speed for gait in herd.gaits])
+    middle = np.sqrt(own[1:] * own[:-1])
+    return (speed[:, None] / np.sqrt(herd.scale)[:, None] > middle).sum(1)
+
+
+def _feet(
+    herd: HerdScene, desired: np.ndarray, gait: np.ndarray, moving: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Progress [L, n], handle and target [2, L, n] of feet that have walked steadily for ever, or stand at rest."""
+    own = np.array([g.speed for g in herd.gaits])[gait] * np.sqrt(herd.scale)
+    period = np.array([g.period for g in herd.gaits])[gait] * np.sqrt(herd.scale)
+    lift = np.stack([g.lift for g in herd.gaits])[gait].T
+    duty = np.stack([g.duty for g in herd.gaits])[gait].T
+    rest = np.stack([g.rest for g in herd.gaits])[gait].transpose(2, 1, 0) * herd.scale
+    ratio = np.clip(np.hypot(*desired) / own, 0.1, 2.0)
+    stride = desired * period / ratio**0.25
+    stand = _standing_feet(herd)[..., None] * herd.scale
+    rest = np.where(moving, rest, stand)
+    sin, cos = np.sin(herd.headings), np.cos(herd.headings)
+    rest = np.stack([rest[0] * cos + rest[1] * sin, rest[1] * cos - rest[0] * sin])
+    since = np.mod(herd.phase - lift, 1.0)
+    swing = 1.0 - duty
+    progress = np.where((since < swing) & moving, since / swing, 1.0)
+    root = herd.points.T[:, None]
+    planted = root + rest + stride[:, None] * np.where(moving, 0.5 * duty - (since - swing), 0.0)
+    target = root + rest + stride[:, None] * ((1.0 - progress) * swing + 0.5 * duty)
+    source = target - stride[:, None]
+    share = np.where(progress < 0.5, 2 * progress**2, 1 - 2 * (1 - progress) ** 2)
+    handle = np.where(progress < 1.0, source + (target - source) * share, planted)
+    return progress, handle, np.where(progress < 1.0, target, handle)
+
+
+def _standing_feet(herd: HerdScene) -> np.ndarray:
+    """[2, L] m (x, z) of the contact points in the idle clip."""
+    contact, _ = feet(herd.archetype, herd.idle.rotation, herd.idle.translation)
+    return contact.mean(0)[:, [0, 2]].T

@@ -1,0 +1,89 @@
+"""Numbers one may sweep or tune: traced, never a reason to recompile."""
+
+from __future__ import annotations
+
+from jax import Array
+
+from crowd.tree import pytree
+
+
+@pytree
+class Sigmoid:
+    """a / (1 + exp(-b (density - c)))."""
+
+    a: Array
+    b: Array
+    c: Array
+
+
+@pytree
+class Fluids:
+    """Regions in order of priority, the last one that holds a character counts. R regions."""
+
+    base_drag: Sigmoid  # C_D0
+    offset_force: Sigmoid  # B, N
+    density: Array  # [R] kg/m3
+    drag_override: Array  # [R] C_D0 where a fluid names its own, else < 0
+    offset_override: Array  # [R] N, else < 0
+    surface: Array  # [R] m
+    flow: Array  # [3, R] m/s
+    low: Array  # [2, R] m, corner of the region (x, z)
+    high: Array  # [2, R] m
+
+
+@pytree
+class Control:
+    """How characters respond, for a character of scale 1; see crowd/components."""
+
+    filter_time: Array  # s, low-pass of the speed that steps follow (the paper's reaction time)
+    stand_ratio: Array  # of the clip's own speed: slower characters stand
+    side_ratio: Array  # of the clip's own speed: sideways motion below it is ignored by steps
+    close_time: Array  # s, of a closing step
+    close_distance: Array  # of the leg's length: a standing foot further from its rest place steps
+    foot_gap: Array  # of the feet's rest distance: lateral gap that a step must keep
+    turn_rate: Array  # rad/s
+    ground_time: Array  # s, low-pass of the ground height under the body
+    slope_gain: Array  # share of gravity's pull along the slope that acts on the body
+    arm_margin: Array  # m, of hands above the surface
+
+
+@pytree
+class Character:
+    """Per character: trailing axis n, in tiles."""
+
+    scale: Array  # [n] of lengths
+    mass: Array  # [n] kg
+    speed: Array  # [n] factor on desired speeds
+    gain_forward: Array  # [n] N s/m (k of Eq. 1 along the heading)
+    gain_side: Array  # [n] N s/m (k across it)
+    damping: Array  # [n] kg (b of Eq. 1)
+    yaw_inertia: Array  # [n] kg m2
+    yaw_gain: Array  # [n] N m/rad
+    yaw_damping: Array  # [n] N m s
+    pitch_inertia: Array  # [n] kg m2
+    pitch_gain: Array  # [n] N m/rad
+    pitch_damping: Array  # [n] N m s
+    offset: Array  # [2, n] m, from the herd's way-points
+    way_speed: Array  # [n] m/s, along way-points
+    impulse: Array  # [E, n] 1 where an impulse event meets the character
+    turn: Array  # [E, n] 1 where a velocity event meets it
+
+
+@pytree
+class Events:
+    """E impulses and velocity changes, by frame."""
+
+    impulse_frame: Array  # [E] int32
+    impulse: Array  # [E, 3] N s
+    impulse_local: Array  # [E] 1: axes of the character
+    turn_frame: Array  # [E] int32
+    turn: Array  # [E, 2] m/s (x, z)
+    turn_local: Array  # [E] 1: axes of the character
+
+
+@pytree
+class Params:
+    fluids: Fluids
+    control: Control
+    events: Events
+    characters: tuple[Character, ...]  # per herd, [tiles, ..., 128]

@@ -1,0 +1,151 @@
+"""A scene: a validated scenario with its characters loaded, on the host. Everything random has been drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crowd import characters, placement
+from crowd import ground as grounds
+from crowd import scenario as scenarios
+from crowd.analysis.gait import Gait, analyse
+from crowd.errors import InputError, fail
+from crowd.ground import Ground
+from crowd.scenario import Scenario
+from crowd.scenario_herd import Herd
+from crowd.types import Archetype, Clip
+
+MOST_GAITS = 4
+SAMPLES = 64  # of every clip's table
+
+
+@dataclass(frozen=True, eq=False)
+class HerdScene:
+    """The characters of one archetype: n of them."""
+
+    name: str
+    model: Herd
+    archetype: Archetype
+    gaits: tuple[Gait, ...]  # slowest first
+    idle: Clip
+    points: np.ndarray  # [n, 2] m, world (x, z)
+    headings: np.ndarray  # [n] rad
+    scale: np.ndarray  # [n] factor on lengths
+    mass: np.ndarray  # [n] kg
+    speed: np.ndarray  # [n] factor on desired speeds
+    phase: np.ndarray  # [n] cycles, where each one's clip starts
+
+    @property
+    def count(self) -> int:
+        return len(self.scale)
+
+    @property
+    def reference_speed(self) -> np.ndarray:
+        """[n] m/s, the slowest clip's own speed at each one's size."""
+        return self.gaits[0].speed * np.sqrt(self.scale)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Scenario, ground and herds."""
+
+    scenario: Scenario
+    terrain: Ground
+    herds: tuple[HerdScene, ...]
+
+    def ground(self, x: np.ndarray | float, z: np.ndarray | float) -> np.ndarray:
+        """Height of the ground at world points, m."""
+        return grounds.height(self.terrain, x, z)
+
+    def surface(self, x: np.ndarray | float, z: np.ndarray | float) -> np.ndarray:
+        """Height of the fluid surface at world points, m; -inf where there is none."""
+        x, z = np.broadcast_arrays(np.asarray(x, float), np.asarray(z, float))
+        out = np.full(x.shape, -np.inf)
+        for region in by_priority(self.scenario):
+            area = region.area_m
+            inside = np.ones(x.shape, bool)
+            if area is not None:
+                inside = (x >= area.x[0]) & (x <= area.x[1]) & (z >= area.z[0]) & (z <= area.z[1])
+            out = np.where(inside, region.surface_m, out)
+        return out
+
+    @property
+    def count(self) -> int:
+        """Characters of all herds."""
+        return sum(herd.count for herd in self.herds)
+
+
+def by_priority(scenario: Scenario) -> list[Any]:
+    """Fluid regions, the one that counts where they overlap last."""
+    return sorted(scenario.world.fluids, key=lambda region: region.priority)
+
+
+def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Sequence[str] = ()) -> Scene:
+    """The scene of a scenario file, mapping or model; `overrides` are "key.path=value".
+
+    Raises `InputError` with every problem of the scenario, or of the first asset that cannot be used.
+    """
+    scenario = source if isinstance(source, Scenario) else scenarios.load(source, overrides)
+    terrain = grounds.build_ground(scenario.world.ground, scenario.folder)
+    cache: dict[str, Archetype] = {}
+    problems, herds = [], []
+    for index, model in enumerate(scenario.herds):
+        try:
+            key = f"{model.archetype} {model.rig}"
+            if key not in cache:
+                cache[key] = characters.load(model.archetype, scenario.folder, model.rig)
+            herds.append(_herd(scenario, index, cache[key], terrain))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(dict.fromkeys(problems))
+    return Scene(scenario, terrain, tuple(herds))
+
+
+def _herd(scenario: Scenario, index: int, archetype: Archetype, terrain: Ground) -> HerdScene:
+    model = scenario.herds[index]
+    where = scenario.where("herds", index, "archetype")
+    points, headings = placement.place(model, scenario.seed)
+    grounds.refuse_missing(terrain, points, scenario.where("herds", index, "place"))
+    drawn = placement.variation(model, scenario.seed)
+    phase = placement.uniforms(scenario.seed, model.name, "phase", model.count, 1)[:, 0]
+    return HerdScene(
+        name=model.name,
+        model=model,
+        archetype=archetype,
+        gaits=locomotion(archetype, where),
+        idle=standing(archetype),
+        points=points,
+        headings=headings,
+        scale=drawn["height"],
+        mass=archetype.mass * drawn["height"] ** 3 * drawn["mass"],
+        speed=drawn["speed"],
+        phase=phase,
+    )
+
+
+def locomotion(archetype: Archetype, where: str) -> tuple[Gait, ...]:
+    """Forward gaits of an archetype, slowest first; of nearly equal speeds only the first clip is kept."""
+    found = [analyse(archetype, clip, SAMPLES) for clip in archetype.clips if clip.role in ("walk", "run")]
+    usable: list[Gait] = []
+    for gait in sorted(found, key=lambda gait: gait.speed):
+        ahead = gait.speed > 0.02 * archetype.height and gait.direction[1] > 0.9
+        if ahead and (not usable or gait.speed > 1.25 * usable[-1].speed):
+            usable.append(gait)
+    if not usable:
+        raise fail(
+            where, f"'{archetype.name}' has no clip that walks forward; name one under clips in a rig description"
+        )
+    return tuple(usable[:MOST_GAITS])
+
+
+def standing(archetype: Archetype) -> Clip:
+    """The idle clip."""
+    for clip in archetype.clips:
+        if clip.role == "idle":
+            return clip
+    raise fail(archetype.source, "has no idle clip")

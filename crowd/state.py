@@ -1,0 +1,60 @@
+"""Exactly what is needed to resume, and what a frame derives. Trailing axis n, in tiles [tiles, ..., 128]."""
+
+from __future__ import annotations
+
+from jax import Array
+
+from crowd.tree import pytree
+
+FAULT_BODY, FAULT_DRAG, FAULT_POSE = 1, 2, 4  # sticky bits: which quantity stopped being finite
+FAULT_NAMES = {FAULT_BODY: "body", FAULT_DRAG: "drag", FAULT_POSE: "pose"}
+
+
+@pytree
+class State:
+    """A character. L legs; V vertices (skinned drag) or J joints (rigid drag)."""
+
+    frame: Array  # [n] int32, frames lived
+    position: Array  # [3, n] m, world; y is the (smoothed) ground height that carries the body
+    velocity: Array  # [2, n] m/s, world (x, z)
+    smoothed: Array  # [2, n] m/s, low-passed velocity that steps follow
+    desired: Array  # [2, n] m/s, asked for, world (x, z)
+    waypoint: Array  # [n] int32, next way-point; -1: none
+    facing: Array  # [n] rad, heading asked for
+    heading: Array  # [n] rad, the same within the turn rate
+    follows: Array  # [n] bool: heading follows the desired velocity
+    yaw: Array  # [n] rad
+    yaw_rate: Array
+    pitch: Array  # [n] rad, positive leans forward
+    pitch_rate: Array
+    gait_speed: Array  # [n] m/s, low-passed desired speed that picks the gait
+    idle: Array  # [n] weight of the idle clip
+    idle_phase: Array  # [n] cycles
+    phase: Array  # [n] cycles, of the clip
+    progress: Array  # [L, n] of each leg's swing, 1 when planted
+    handle: Array  # [2, L, n] m, world (x, z) of each foot handle
+    target: Array  # [2, L, n] m, where it steps to
+    force: Array  # [3, n] N, drag of the frame before
+    torque: Array  # [2, n] N m, its yaw and pitch components
+    drag_slope: Array  # [3, n] N s/m, N m s, N m s: how drag falls as velocity, yaw and pitch rate yield to it
+    previous: Array  # [3, V, n] or [7, J, n]: vertices or transforms, relative to the position
+    fault: Array  # [n] int32
+
+
+@pytree
+class Frame:
+    """Derived in one frame, for recording and for the next force."""
+
+    drag_force: Array  # [3, n] N
+    drag_torque: Array  # [3, n] N m
+    center_of_pressure: Array  # [3, n] m, world; NaN when dry
+    depth: Array  # [n] m
+    ball: Array  # [3, L, n] m, world, after inverse kinematics
+    ankle: Array  # [3, L, n] m, world
+    handle: Array  # [3, L, n] m, world
+    planted: Array  # [L, n] bool
+    over_reach: Array  # [L, n] m
+    pose_position: Array  # [3, n] m, world
+    pose_orientation: Array  # [4, n]
+    joint_rotation: Array  # [4, J, n] joint to parent; empty unless poses are recorded
+    joint_translation: Array  # [3, moving, n] m, joint to parent, unscaled

@@ -1,0 +1,84 @@
+"""One frame of one tile of one herd: the table of contents of the simulation."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+
+from crowd.assets import HerdAssets, World
+from crowd.components import arms, body, feet, forces, gait, limbs, pose, record, sense, skin, steer
+from crowd.layout import Layout
+from crowd.params import Character, Params
+from crowd.state import Frame, State
+from kernels.wall import Wall
+
+
+def step(
+    layout: Layout,
+    which: int,
+    assets: HerdAssets,
+    world: World,
+    params: Params,
+    character: Character,
+    state: State,
+    wall: Wall,
+) -> tuple[State, Frame]:
+    """State and derived frame of a tile of herd number `which` after one frame.
+
+    sense -> steer -> forces -> body -> gait -> pose -> feet -> arms -> skin; every arrow is a wall.
+    """
+    herd = layout.herds[which]
+    before, previous = state.position, state.previous
+    # the mesh of the frame before is large and only the drag reads it: it does not travel through the walls
+    state = dataclasses.replace(state, previous=())
+    with jax.named_scope("sense"):
+        place = wall(lambda position: sense.sense(layout, world, params.fluids, position), state.position)
+    with jax.named_scope("steer"):
+        state = wall(lambda c, s: steer.steer(layout, herd, assets, params, c, s), character, state)
+    with jax.named_scope("forces"):
+        wrench = wall(lambda c, s, p: forces.total(layout, params, c, s, p), character, state, place)
+    with jax.named_scope("body"):
+        state = wall(lambda c, s, w, p: body.body(layout, params, c, s, w, p), character, state, wrench, place)
+    with jax.named_scope("gait"):
+        state = wall(lambda c, s: gait.gait(layout, herd, assets, params, c, s), character, state)
+        blend = wall(lambda c, s: gait.mix(herd, assets, c, s), character, state)
+    with jax.named_scope("pose"):
+        hung = pose.pose(herd, assets, character, state, blend, wall)
+    with jax.named_scope("feet"):
+        legs = wall(
+            lambda c, s, b, t: feet.feet(layout, herd, assets, world, c, s, b, t),
+            character, state, blend, hung.transforms,
+        )  # fmt: skip
+    surface = place.fluid.surface - state.position[1]
+    with jax.named_scope("arms"):
+        hands = None
+        if layout.regions and layout.arms_up[which] and herd.arms:
+            hands = wall(
+                lambda c, s, t, d, y: arms.arms(herd, assets, params, c, s, t, d, y),
+                character, state, hung.transforms, legs.drop, surface,
+            )  # fmt: skip
+        transforms = limbs.bend(herd, hung.transforms, limbs.joined(legs.segments, hands), legs.drop, wall)
+    with jax.named_scope("skin"):
+        load = skin.dry(state)
+        if layout.regions:
+            moved = skin.mesh(layout, herd, assets, character, transforms, wall)
+            state, load = skin.fluid_drag(
+                layout,
+                herd,
+                assets,
+                character,
+                state,
+                previous,
+                place,
+                state.position - before,
+                transforms,
+                moved,
+                wall,
+            )
+            previous = moved
+    frame = wall(
+        lambda c, s, p, h, g, t, f: record.frame(layout, herd, c, s, p, h, g, t, f),
+        character, state, place, hung, legs, transforms, load,
+    )  # fmt: skip
+    return dataclasses.replace(state, frame=state.frame + 1, previous=previous), frame

@@ -1,0 +1,35 @@
+"""Sampling cyclic clips from one table, and blending them."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+
+def frame_weights(
+    clip: Int[Array, "slots *b"], phase: Float[Array, "slots *b"], weight: Float[Array, "slots *b"], samples: int
+) -> tuple[Int[Array, "2 slots *b"], Float[Array, "2 slots *b"]]:
+    """The two table columns on either side of each phase, and their share of the blend.
+
+    Clip c holds columns [c * samples, (c + 1) * samples) at phases 0, 1/samples, ...; the clip is cyclic.
+    """
+    at = phase * samples
+    floor = jnp.floor(at)
+    first = jnp.clip(floor.astype(jnp.int32), 0, samples - 1)
+    second = jnp.where(first + 1 >= samples, 0, first + 1)
+    share = jnp.clip(at - floor, 0.0, 1.0)
+    column = clip * samples
+    return jnp.stack([column + first, column + second]), jnp.stack([(1.0 - share) * weight, share * weight])
+
+
+def blend(
+    table: Float[Array, "k rows columns"], column: Int[Array, "2 slots *b"], share: Float[Array, "2 slots *b"]
+) -> Float[Array, "k rows *b"]:
+    """Weighted sum of table columns. Quaternions of one row must lie on one hemisphere; the sum is not normalised."""
+    out = None
+    for end in range(2):
+        for slot in range(column.shape[1]):
+            term = table[:, :, column[end, slot]] * share[end, slot]
+            out = term if out is None else out + term
+    assert out is not None
+    return out

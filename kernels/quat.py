@@ -1,0 +1,78 @@
+"""Unit quaternions `[4, *b]`, wxyz, Hamilton; `q_ab` takes vectors of frame b to frame a."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from kernels.vec import TINY
+
+
+def multiply(a: Float[Array, "4 *b"], b: Float[Array, "4 *c"]) -> Float[Array, "4 *d"]:
+    """Hamilton product: first b, then a."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return jnp.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ]
+    )
+
+
+def conjugate(q: Float[Array, "4 *b"]) -> Float[Array, "4 *b"]:
+    """Inverse of a unit quaternion."""
+    w, x, y, z = q
+    return jnp.stack([w, -x, -y, -z])
+
+
+def rotate(q: Float[Array, "4 *b"], v: Float[Array, "3 *c"]) -> Float[Array, "3 *d"]:
+    """v' = v + w t + u x t with t = 2 u x v and q = (w, u)."""
+    w, x, y, z = q
+    vx, vy, vz = v
+    tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
+    return jnp.stack([vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx])
+
+
+def normalize(q: Float[Array, "4 *b"]) -> Float[Array, "4 *b"]:
+    """The unit quaternion nearest to q; finite at zero."""
+    w, x, y, z = q
+    return q / jnp.sqrt(w * w + x * x + y * y + z * z + TINY)
+
+
+def matrix(q: Float[Array, "4 *b"]) -> Float[Array, "3 3 *b"]:
+    """Rotation matrix, indexed [column, row]: `m[c]` is where axis c goes."""
+    w, x, y, z = q
+    columns = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
+        [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
+        [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return jnp.stack([jnp.stack(column) for column in columns])
+
+
+def about_y(angle: Float[Array, "*b"]) -> Float[Array, "4 *b"]:
+    """Yaw: +z turns towards +x (to the left) for a positive angle, in radians."""
+    half = 0.5 * angle
+    zero = jnp.zeros_like(half)
+    return jnp.stack([jnp.cos(half), zero, jnp.sin(half), zero])
+
+
+def about_x(angle: Float[Array, "*b"]) -> Float[Array, "4 *b"]:
+    """Pitch: +y turns towards +z (leans forward) for a positive angle, in radians."""
+    half = 0.5 * angle
+    zero = jnp.zeros_like(half)
+    return jnp.stack([jnp.cos(half), jnp.sin(half), zero, zero])
+
+
+def between(a: Float[Array, "3 *b"], b: Float[Array, "3 *b"]) -> Float[Array, "4 *b"]:
+    """Smallest rotation that takes unit vector a to unit vector b, without trigonometry.
+
+    For exactly opposite vectors every axis is as good; the result is then the identity, and finite.
+    """
+    ax, ay, az = a
+    bx, by, bz = b
+    w = 1.0 + ax * bx + ay * by + az * bz
+    return normalize(jnp.stack([w + 1e-7, ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]))

@@ -1,0 +1,37 @@
+"""Linear blend skinning with up to four bones a vertex."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from kernels import quat
+
+
+def bone_columns(transforms: Float[Array, "7 joints *b"], scale: Float[Array, "*b"]) -> Float[Array, "joints 4 3 *b"]:
+    """Columns of each bone's 3x4 matrix: three scaled axes, then the position."""
+    axes = jnp.moveaxis(quat.matrix(transforms[:4]), 2, 0) * scale
+    return jnp.concatenate([axes, jnp.moveaxis(transforms[4:], 1, 0)[:, None]], 1)
+
+
+def skin(
+    bones: np.ndarray,
+    local: Float[Array, "influences 4 vertices"],
+    columns: Float[Array, "joints 4 3 *b"],
+) -> Float[Array, "3 vertices *b"]:
+    """Vertices of the blended mesh, in the frame of the bones.
+
+    bones [vertices, influences] (static): which bones move a vertex, heaviest first.
+    local: for each influence the vertex in the bone's own bind frame times its weight, and the weight itself.
+    Influences that no vertex uses should be cut off beforehand: the sum is unrolled over all of them.
+    """
+    batch = (1,) * (columns.ndim - 3)
+    out = None
+    for k in range(bones.shape[1]):
+        column = columns[bones[:, k]]
+        for c in range(4):
+            term = local[k, c].reshape(-1, 1, *batch) * column[:, c]
+            out = term if out is None else out + term
+    assert out is not None
+    return jnp.moveaxis(out, 1, 0)
