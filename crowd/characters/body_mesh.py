@@ -82,6 +82,19 @@ def from_parts(
     dense = _dense_weights(parts, parents, vertices)
     target = triangles // 2 if symmetric else triangles
     vertices, faces = simplify(vertices, faces, dense, target, roundness=roundness, symmetric=symmetric)
+    return skinned(vertices, faces, parts, parents, positions, rotations, mirror)
+
+
+def skinned(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    parts: Sequence[Part],
+    parents: Sequence[int],
+    positions: np.ndarray,
+    rotations: np.ndarray | None = None,
+    mirror: Sequence[int] | None = None,
+) -> Mesh:
+    """Weights from the parts for a surface (bind pose); with mirror, for its half x >= 0, which is then completed."""
     dense = _dense_weights(parts, parents, vertices)
     if mirror is not None:
         vertices, faces, dense = _mirrored(vertices, faces, dense, np.asarray(mirror))

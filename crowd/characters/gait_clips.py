@@ -1,4 +1,4 @@
-"""Clips from foot paths: the contact point of every foot is prescribed, the legs follow by inverse kinematics (offline).
+"""Clips from foot paths: the contact point of every foot is prescribed, the legs follow by inverse kinematics.
 
 A foot on the ground moves backwards at exactly the clip's speed in a straight line at y = 0, so a clip built here has
 ideal stances; the swing and the joints above are smooth curves chosen to give published joint angles.
@@ -98,7 +98,8 @@ class FootPath:
     stride: speed × cycle, m. front: z of the contact point at touchdown, m, from the origin of the clip. side: its x.
     duty: fraction of the cycle on the ground. lift: height of the contact point over the swing (0 to 1), zero with zero
     slope at both ends. pitch: of the foot against its flat pose over the cycle, degrees, toes up positive. bend: of the
-    toes against the foot at toe-off, straightened over `relax` of the swing; on the ground the toes lie flat.
+    toes against the foot at toe-off, straightened over `relax` of the swing; on the ground the toes lie flat. late: above
+    1 the foot comes forward later in the swing.
     """
 
     stride: float
@@ -108,6 +109,7 @@ class FootPath:
     lift: Curve
     pitch: Curve
     relax: float = 0.4
+    late: float = 1.0
 
     def contact(self, phase: np.ndarray) -> np.ndarray:
         """Contact point [F, 3]."""
@@ -115,7 +117,7 @@ class FootPath:
         swing = np.clip((phase - self.duty) / max(1.0 - self.duty, 1e-9), 0.0, 1.0)
         on_ground = self.front - self.stride * phase
         # Carried with the ground, plus a whole stride forward, at rest at both ends (C2): no jerk at touchdown.
-        along = on_ground + self.stride * smoothstep(swing)
+        along = on_ground + self.stride * smoothstep(swing**self.late)
         height = np.where(phase < self.duty, 0.0, self.lift(swing))
         return np.stack([np.full(phase.shape, self.side), height, along], -1)
 

@@ -8,9 +8,12 @@ and Motor Control of Human Movement*, fig. 4.1). Walk: sagittal angles guided by
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from itertools import pairwise
+
 import numpy as np
 
-from crowd.characters.body_mesh import from_parts
+from crowd.characters.body_mesh import skinned
 from crowd.characters.gait_clips import (
     FootPath,
     LegJoints,
@@ -22,6 +25,7 @@ from crowd.characters.gait_clips import (
     step_leg,
     yaw,
 )
+from crowd.characters.loft import Loft, hole_border, rings_along
 from crowd.characters.surface import Part
 from crowd.types import Archetype, Arm, Clip, Leg, Mesh, Skeleton
 
@@ -97,7 +101,7 @@ def _standing(poser: Poser, drop: np.ndarray | float) -> None:
 def _skeleton() -> Skeleton:
     upright = _upright()
     poser = Poser(upright, 1)
-    _standing(poser, 0.012)
+    _standing(poser, 0.004)
     return Skeleton(upright.names, upright.parents, poser.rotation[0], poser.translation[0])
 
 
@@ -113,7 +117,7 @@ def _idle(skeleton: Skeleton) -> Clip:
     poser.turn("spine", pitch(0.5 * breath))
     poser.turn("chest", pitch(-1.2 * breath))
     poser.turn("head", compose(yaw(3.0 * sway), pitch(0.7 * breath)))
-    _standing(poser, 0.014 + 0.002 * breath)
+    _standing(poser, 0.006 + 0.002 * breath)
     for side, sign, _ in _SIDES:
         _hang_arms(poser, 4.0 + 1.0 * breath, 14.0 + 1.5 * breath, side, sign)
         poser.turn(f"{side}_clavicle", roll(sign * 1.5 * breath))
@@ -124,15 +128,15 @@ def _walk_path(stride: float, duty: float) -> dict:
     rise = 0.355  # phase at which the heel leaves the ground
     toe_off, power = -60.0, 2.1
     speed_at_toe_off = toe_off * power / (duty - rise) * (1.0 - duty)
-    swing = spline((0, 0.12, 0.28, 0.5, 0.72, 0.88, 1), (toe_off, -67, -58, -24, 6, 14, 0), (speed_at_toe_off, -60.0))
+    swing = spline((0, 0.12, 0.28, 0.5, 0.72, 0.88, 1), (toe_off, -74, -52, -12, 3, 13, 0), (speed_at_toe_off, -60.0))
 
     def angle(phase: np.ndarray) -> np.ndarray:
         phase = np.asarray(phase, float)
         lifting = toe_off * np.clip((phase - rise) / (duty - rise), 0.0, 1.0) ** power
         return np.where(phase <= duty, lifting, swing((phase - duty) / (1.0 - duty)))
 
-    lift = spline((0, 0.14, 0.32, 0.52, 0.72, 0.88, 1), (0, 0.062, 0.075, 0.042, 0.052, 0.05, 0))
-    return {"stride": stride, "front": 0.445, "duty": duty, "lift": lift, "pitch": angle}
+    lift = spline((0, 0.14, 0.32, 0.52, 0.72, 0.88, 1), (0, 0.0755, 0.0592, 0.0314, 0.0204, 0.0506, 0))
+    return {"stride": stride, "front": 0.403, "duty": duty, "lift": lift, "pitch": angle}
 
 
 def _jog_path(stride: float, duty: float) -> dict:
@@ -149,12 +153,27 @@ def _jog_path(stride: float, duty: float) -> dict:
     return {"stride": stride, "front": 0.42, "duty": duty, "lift": lift, "pitch": angle}
 
 
-def _trunk(poser: Poser, phase: np.ndarray, lean: float, twist: float, list_: float, drop: float, bob: float) -> None:
+@dataclass(frozen=True)
+class _Carriage:
+    """How the trunk is carried: lean, twist and list in degrees, drop of the pelvis, bob and surge in m, phases."""
+
+    lean: float
+    twist: float
+    list: float
+    drop: float
+    bob: float
+    lowest: float  # phase of the left foot at which the pelvis is lowest
+    surge: float = 0.0
+
+
+def _trunk(poser: Poser, phase: np.ndarray, carriage: _Carriage) -> None:
     """Pelvis and trunk over the left foot's phase: two vertical waves, one of list, twist and sway per cycle."""
+    lean, twist, list_ = carriage.lean, carriage.twist, carriage.list
     wave = 2 * np.pi * phase
     sway = 0.020 * np.cos(wave - 2 * np.pi * 0.28)
-    height = -drop - bob * np.cos(2 * (wave - 2 * np.pi * 0.045))
-    poser.move("pelvis", np.stack([sway, height, np.full(len(phase), 0.0)], -1))
+    bounce = 2 * (wave - 2 * np.pi * carriage.lowest)
+    height = -carriage.drop - carriage.bob * np.cos(bounce)
+    poser.move("pelvis", np.stack([sway, height, carriage.surge * np.sin(bounce)], -1))
     hips = compose(yaw(-twist * np.cos(wave)), roll(list_ * np.sin(wave + 2 * np.pi * 0.11)), pitch(0.35 * lean))
     poser.turn("pelvis", hips)
     poser.turn("lumbar", compose(roll(-0.5 * list_ * np.sin(wave + 2 * np.pi * 0.11)), pitch(0.3 * lean)))
@@ -164,35 +183,31 @@ def _trunk(poser: Poser, phase: np.ndarray, lean: float, twist: float, list_: fl
     poser.turn_world("head", pitch(0.1 * lean))
 
 
-def _gait(
-    name: str, cycle: float, paths: dict, lean: float, twist: float, list_: float, drop: float, bob: float
-) -> Poser:
+def _gait(paths: dict, carriage: _Carriage) -> Poser:
     poser = Poser(_upright(), _SAMPLES)
     phase = np.arange(_SAMPLES) / _SAMPLES
-    _trunk(poser, phase, lean, twist, list_, drop, bob)
+    _trunk(poser, phase, carriage)
     for side, sign, start in _SIDES:
         step_leg(poser, _leg(side, sign), FootPath(side=sign * _FOOT_X, **paths), (phase + start) % 1.0)
     return poser
 
 
 def _walk() -> Clip:
-    poser = _gait("walk", 1.0, _walk_path(1.3, 0.6), lean=4.0, twist=4.5, list_=4.0, drop=0.034, bob=0.017)
+    carriage = _Carriage(lean=3.0, twist=4.5, list=4.0, drop=0.030, bob=0.0188, lowest=-0.002, surge=-0.01)
+    poser = _gait(_walk_path(1.3, 0.6), carriage)
     phase = np.arange(_SAMPLES) / _SAMPLES
     for side, sign, start in _SIDES:
         wave = 2 * np.pi * (phase + start)
-        _hang_arms(poser, 2.0 - 21.0 * np.cos(wave), 22.0 - 11.0 * np.cos(wave - 0.4), side, sign)
+        _hang_arms(poser, -3.0 - 20.0 * np.cos(wave), 20.0 - 11.0 * np.cos(wave - 0.4), side, sign)
     return poser.clip("walk", "walk", 1.0, 1.3)
 
 
 def _jog() -> Clip:
     cycle = 0.74
-    paths = _jog_path(2.6 * cycle, 0.37)
-    poser = _gait("jog", cycle, paths, lean=9.0, twist=6.0, list_=4.0, drop=0.06, bob=0.0)
+    carriage = _Carriage(lean=9.0, twist=6.0, list=4.0, drop=0.035, bob=0.036, lowest=0.185)
+    poser = _gait(_jog_path(2.6 * cycle, 0.37), carriage)
     phase = np.arange(_SAMPLES) / _SAMPLES
-    bounce = 0.036 * np.cos(4 * np.pi * (phase - 0.185))
-    poser.move("pelvis", np.stack([0 * phase, -bounce, 0 * phase], -1))
     for side, sign, start in _SIDES:
-        step_leg(poser, _leg(side, sign), FootPath(side=sign * _FOOT_X, **paths), (phase + start) % 1.0)
         wave = 2 * np.pi * (phase + start)
         _hang_arms(poser, -8.0 - 30.0 * np.cos(wave), 88.0 - 14.0 * np.cos(wave), side, sign)
     return poser.clip("jog", "run", cycle, 2.6)
@@ -215,8 +230,8 @@ def _parts(at: dict[str, np.ndarray], index: dict[str, int]) -> list[Part]:
         part("spine", (0.0, 0.0, 0.012), (0.0, 0.10, 0.01), (0.108, 0.118), (1.26, 1, 0.9)),
         part("chest", (0.0, 0.0, 0.012), (0.0, 0.085, 0.0), (0.119, 0.105), (1.36, 1, 0.93)),
         part("neck", (0.0, -0.05, -0.01), (0.0, 0.09, 0.012), (0.068, 0.056)),
-        part("head", (0.0, 0.078, 0.028), (0.0, 0.089, -0.004), (0.076, 0.081), (0.93, 1, 1.06)),
-        part("head", (0.0, 0.005, 0.045), (0.0, 0.05, 0.05), (0.043, 0.055), (1, 1, 1)),
+        part("head", (0.0, 0.078, 0.028), (0.0, 0.094, -0.006), (0.080, 0.084), (0.95, 1, 1.06)),
+        part("head", (0.0, 0.002, 0.052), (0.0, 0.05, 0.055), (0.044, 0.056), (1, 1, 1)),
     ]
     for side, sign in (("left", 1.0), ("right", -1.0)):
 
@@ -228,7 +243,7 @@ def _parts(at: dict[str, np.ndarray], index: dict[str, int]) -> list[Part]:
         along = along / np.linalg.norm(along)
         knuckles, tips = at[hand] + 0.085 * along, at[hand] + 0.165 * along + np.array([0, 0, 0.02])
         parts += [
-            part("pelvis", (0.075 * sign, -0.045, -0.045), (0.08 * sign, -0.02, -0.04), (0.085, 0.08)),
+            part("pelvis", (0.075 * sign, -0.055, -0.036), (0.08 * sign, -0.02, -0.036), (0.082, 0.08)),
             limb(joint("clavicle"), upper, (0.058, 0.056), (0.25, 0.95), (0, -0.008, 0)),
             part("chest", (0.08 * sign, 0.085, 0.045), (0.06 * sign, 0.08, 0.045), (0.062, 0.062)),
             limb(upper, fore, (0.057, 0.044)),
@@ -254,23 +269,86 @@ def _parts(at: dict[str, np.ndarray], index: dict[str, int]) -> list[Part]:
     return parts
 
 
-def _mesh(triangles: int) -> Mesh:
-    upright = _upright()
+def _bind(upright: Skeleton) -> tuple[np.ndarray, np.ndarray]:
+    """Joint rotations [J, 4] and positions [J, 3] with arms and legs spread, so that the skin between them is clear."""
     poser = Poser(upright, 1)
-    for side, sign in (("left", 1.0), ("right", -1.0)):
+    for side, sign, _ in _SIDES:
         poser.turn(f"{side}_upper_arm", compose(roll(sign * 38.0), pitch(-4.0)))
         poser.turn(f"{side}_forearm", pitch(-10.0))
         poser.turn(f"{side}_thigh", roll(sign * 6.0))
         poser.turn_world(f"{side}_foot", np.array([1.0, 0, 0, 0]))
-    rotations, positions = (array[0] for array in poser.world())
-    index = poser.index
-    # Spread legs are shorter: the soles are cut where the feet are.
-    floor = float(positions[index["left_toes"], 1]) - _BALL
+    rotations, positions = poser.world()
+    return rotations[0], positions[0]
+
+
+_STRIPS = (  # trunk, neck and head from below: height, z of the middle, forward direction (y, z)
+    (0.872, 0.000, (0.16, 1.0)),
+    (0.950, 0.000, (0.04, 1.0)),
+    (1.040, 0.000, (0.0, 1.0)),
+    (1.135, -0.004, (0.0, 1.0)),
+    (1.225, -0.006, (0.0, 1.0)),
+    (1.310, -0.010, (-0.05, 1.0)),
+    (1.385, -0.015, (-0.2, 1.0)),
+    (1.437, -0.022, (-0.3, 1.0)),
+    (1.485, -0.012, (-0.2, 1.0)),
+    (1.522, 0.020, (0.1, 1.0)),
+    (1.575, 0.015, (0.0, 1.0)),
+    (1.635, 0.010, (0.1, 1.0)),
+    (1.675, 0.005, (0.0, 1.0)),
+)
+_ANGLES = (0.0, 38.0, 72.0, 108.0, 142.0, 180.0)
+
+
+def _surface(parts: list[Part], at: dict[str, np.ndarray], index: dict[str, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Left half of the skin in the bind pose."""
+    arm = frozenset(index[f"left_{name}"] for name in ("clavicle", "upper_arm", "forearm", "hand"))
+    leg = frozenset(index[f"left_{name}"] for name in ("thigh", "shank", "foot", "toes")) | {index["pelvis"]}
+    trunk = frozenset(range(len(index))) - (arm | leg) | {index["left_clavicle"], index["pelvis"], index["left_thigh"]}
+    loft = Loft(parts, 0.012, float(at["left_toes"][1]) - _BALL)
+    rows = [loft.strip((0.0, y, z), (0.0, *front), _ANGLES, trunk) for y, z, front in _STRIPS]
+    for low, (below, above) in enumerate(pairwise(rows)):
+        loft.skin(below, above, skip=(2,) if low in (4, 5) else ())
+    loft.cap(rows[-1], loft.cast(np.array([0.0, 1.6, 0.0]), np.array([[0.0, 1.0, 0.0]]))[0], closed=False)
+    shoulder, elbow, wrist = (at[f"left_{name}"] for name in ("upper_arm", "forearm", "hand"))
+    fist = wrist + (wrist - elbow) / np.linalg.norm(wrist - elbow) * 0.17
+    arm_rings = [
+        *rings_along(shoulder, elbow, (0.24, 0.86)),
+        *rings_along(elbow, wrist, (0.12, 0.4, 0.95)),
+        *rings_along(wrist, fist + np.array([0.0, 0.0, 0.02]), (0.4, 0.8)),
+    ]
+    loft.limb(hole_border(rows[4:7], (2, 3)), arm_rings, arm, 0.12)
+    crotch = loft.vertex(loft.cast(np.array([0.0, 0.93, 0.0]), np.array([[0.0, -1.0, 0.0]]))[0])
+    loft.limb([*reversed(rows[0]), crotch], _leg_rings(at), leg, 0.08)
+    return loft.finish()
+
+
+def _leg_rings(at: dict[str, np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]]:
+    hip, knee, ankle, toes = (at[f"left_{name}"] for name in ("thigh", "shank", "foot", "toes"))
+
+    def tilted(offset: tuple[float, float, float], degrees: float) -> tuple[np.ndarray, np.ndarray]:
+        a = np.radians(degrees)
+        return ankle + np.asarray(offset), np.array([0.0, -np.cos(a), np.sin(a)])
+
+    return [
+        *rings_along(hip, knee, (0.2, 0.5, 0.9)),
+        *rings_along(knee, ankle, (0.1, 0.32, 0.65, 0.95)),
+        tilted((0.0, -0.022, -0.004), 25.0),
+        tilted((0.0, -0.030, 0.022), 62.0),
+        tilted((0.0, -0.038, 0.070), 85.0),
+        (toes + np.array([0.0, -0.004, 0.0]), np.array([0.0, 0.0, 1.0])),
+        (toes + np.array([0.0, -0.008, 0.042]), np.array([0.0, 0.0, 1.0])),
+    ]
+
+
+def _mesh() -> Mesh:
+    upright = _upright()
+    rotations, positions = _bind(upright)
+    index = {name: joint for joint, name in enumerate(upright.names)}
     at = {name: positions[joint] for name, joint in index.items()}
+    parts = _parts(at, index)
+    vertices, triangles = _surface(parts, at, index)
     mirror = [index[_other(name)] for name in upright.names]
-    return from_parts(
-        _parts(at, index), upright.parents, positions, rotations, triangles, 0.016, 0.012, mirror, floor=floor
-    )
+    return skinned(vertices, triangles, parts, upright.parents, positions, rotations, mirror)
 
 
 def _other(name: str) -> str:
@@ -279,8 +357,8 @@ def _other(name: str) -> str:
     return f"{swap[head]}_{tail}" if head in swap else name
 
 
-def build(triangles: int = 640) -> Archetype:
-    """The person; triangles: budget of the mesh."""
+def build() -> Archetype:
+    """The person."""
     skeleton = _skeleton()
     index = {name: joint for joint, name in enumerate(skeleton.names)}
     legs = tuple(
@@ -292,4 +370,4 @@ def build(triangles: int = 640) -> Archetype:
         for side, sign, _ in _SIDES
     )
     clips = (_idle(skeleton), _walk(), _jog())
-    return Archetype("human", skeleton, _mesh(triangles), legs, arms, clips, index["pelvis"], HEIGHT, MASS)
+    return Archetype("human", skeleton, _mesh(), legs, arms, clips, index["pelvis"], HEIGHT, MASS)

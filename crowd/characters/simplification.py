@@ -33,9 +33,9 @@ def simplify(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Vertices [V, 3] and triangles [T, 3] with about `target` triangles (fewer by at most a few, more if stuck).
 
-    attributes: [V, K]; edges over which they change are kept longer by `detail` (skin weights: joints keep their rings).
+    attributes: [V, K]; edges over which they change cost more by `detail` (skin weights: joints keep their rings).
     roundness: weight of edge length to the fourth power against the quadric error (area × distance²): keeps triangles
-    from degenerating into needles where the surface is flat. symmetric: vertices at x = 0 form a border that stays there.
+    from degenerating into needles where the surface is flat. symmetric: vertices at x = 0 are a border and stay there.
     """
     border = np.abs(vertices[:, 0]) < 1e-9 if symmetric else np.zeros(len(vertices), bool)
     work = _Working(vertices.copy(), triangles.copy(), attributes.copy(), _quadrics(vertices, triangles), border)

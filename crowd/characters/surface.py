@@ -32,7 +32,7 @@ class Part:
 
 
 def distance(part: Part, points: np.ndarray) -> np.ndarray:
-    """Signed distance (about: exact for equal radii and no stretch) of points [..., 3] to a part, m; negative inside."""
+    """Signed distance of points [..., 3] to a part, m (exact for equal radii and no stretch); negative inside."""
     start, axis = np.asarray(part.start), np.subtract(part.end, part.start)
     length2 = float(axis @ axis)
     offset = points - start
