@@ -13,21 +13,23 @@ from typing import TYPE_CHECKING, Any
 from crowd.errors import InputError
 
 if TYPE_CHECKING:
-    from crowd.simulate import Result, Scene, load, simulate
+    from crowd.scene import Scene, load
+    from crowd.simulate import Result, simulate
 
 __version__ = "0.1.0"
 __all__ = ["InputError", "Result", "Scene", "__version__", "load", "simulate"]
 
-_LAZY = {"load", "simulate", "Result", "Scene"}  # these bring JAX, which `import crowd` need not wait for
+# What brings JAX, which `import crowd` need not wait for: name -> module.
+_LAZY = {"load": "crowd.scene", "Scene": "crowd.scene", "simulate": "crowd.simulate", "Result": "crowd.simulate"}
 
 
 def __getattr__(name: str) -> Any:
-    if name in _LAZY:
-        module = import_module("crowd.simulate")
-        # The submodule takes the name `crowd.simulate` once imported; it can be called like its function.
-        return module if name == "simulate" else getattr(module, name)
-    raise AttributeError(f"module 'crowd' has no attribute '{name}'")
+    if name not in _LAZY:
+        raise AttributeError(f"module 'crowd' has no attribute '{name}'")
+    module = import_module(_LAZY[name])
+    # The submodule takes the name `crowd.simulate` once imported; it can be called like its function.
+    return module if name == "simulate" else getattr(module, name)
 
 
 def __dir__() -> list[str]:
-    return sorted(set(globals()) | _LAZY)
+    return sorted({*globals(), *_LAZY})

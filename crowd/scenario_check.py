@@ -58,7 +58,7 @@ def cross_checks(document: Document, data: dict[str, Any], table: FluidTable | N
     parts = _parts(document, data)
     checks = (_sizes, _names, _places, _variations, _ground, _overlaps, _events, _times)
     problems = [Problem(document.where(path), text) for check in checks for path, text in check(parts, data)]
-    problems += [Problem(document.where(path), text) for path, text in _files(parts, folder)]
+    problems += [Problem(document.where(path), text) for path, text in _files(parts, data, folder)]
     if table is not None:
         problems += [Problem(document.where(path), text) for path, text in _fluids(parts, table)]
     return problems
@@ -231,21 +231,22 @@ def find_file(name: str, folder: Path) -> Path | None:
         return None
 
 
-def _files(parts: _Parts, folder: Path) -> Found:
-    for index, herd in parts.herds.items():
+def _files(parts: _Parts, data: dict[str, Any], folder: Path) -> Found:
+    herds = data.get("herds")
+    for index, herd in enumerate(herds if isinstance(herds, list) else []):
+        archetype, rig = (herd.get(key) if isinstance(herd, dict) else None for key in ("archetype", "rig"))
         path: KeyPath = ("herds", index)
-        if herd.archetype not in BUILT_IN:
-            suffix = Path(herd.archetype).suffix.lower()
-            if suffix not in ASSET_SUFFIXES:
+        if isinstance(archetype, str) and archetype and archetype not in BUILT_IN:
+            if Path(archetype).suffix.lower() not in ASSET_SUFFIXES:
                 yield (
                     (*path, "archetype"),
-                    f"'{herd.archetype}': must be {', '.join(BUILT_IN)} or a {', '.join(ASSET_SUFFIXES)} file"
-                    f"{nearest(herd.archetype, BUILT_IN)}",
+                    f"'{archetype}': must be {', '.join(BUILT_IN)} or a {', '.join(ASSET_SUFFIXES)} file"
+                    f"{nearest(archetype, BUILT_IN)}",
                 )
-            elif find_file(herd.archetype, folder) is None:
-                yield (*path, "archetype"), f"'{herd.archetype}': no such file ({folder / herd.archetype})"
-        if isinstance(herd.rig, str) and find_file(herd.rig, folder) is None:
-            yield (*path, "rig"), f"'{herd.rig}': no such file ({folder / herd.rig})"
+            elif find_file(archetype, folder) is None:
+                yield (*path, "archetype"), f"'{archetype}': no such file ({folder / archetype})"
+        if isinstance(rig, str) and find_file(rig, folder) is None:
+            yield (*path, "rig"), f"'{rig}': no such file ({folder / rig})"
     ground = parts.world.ground if parts.world is not None else None
     if isinstance(ground, HeightMap):
         path = ("world", "ground", "file")

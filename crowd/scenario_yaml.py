@@ -18,6 +18,7 @@ MAX_DEPTH = 40
 MAX_NODES = 100_000  # after expanding aliases
 MAX_ALIASES = 1_000
 
+_COLLECTIONS = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
 KeyPath = tuple[str | int, ...]
 
 
@@ -142,6 +143,9 @@ class _Reader:
         if anchor is not None:
             self.anchors[anchor] = None
         self.count(event, 1)
+        tag = None if event.ctag is None else str(event.ctag)
+        if name != "ScalarEvent" and tag not in (None, "!", *_COLLECTIONS):
+            raise self.refuse(event, f"tag {tag} is not allowed")
         if name == "ScalarEvent":
             node = _Node(self.scalar(event), event.start_mark.line + 1)
         elif name == "SequenceStartEvent":

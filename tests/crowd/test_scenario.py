@@ -10,6 +10,7 @@ import pytest
 
 import crowd.scenario as scenario
 from crowd.errors import InputError
+from crowd.scenario_herd import Grid, Places
 from crowd.scenario_types import Model
 from crowd.scenario_world import FluidRegion, HeightMap, Ramp
 from crowd.scenario_yaml import key_text, read_text
@@ -90,7 +91,9 @@ def test_mapping_with_numpy_values_loads_like_yaml() -> None:
         }
     )
     assert loaded.frame_count == 30
-    assert loaded.herds[0].place.points_m == ((0.0, 1.0), (2.0, 3.0))
+    place = loaded.herds[0].place
+    assert isinstance(place, Places)
+    assert place.points_m == ((0.0, 1.0), (2.0, 3.0))
     assert loaded.path is None
 
 
@@ -98,8 +101,10 @@ def test_units_in_keys_are_converted(tmp_path: Path) -> None:
     text = MINIMAL.replace("spacing_m: 1", "spacing_cm: 120, center_mm: [500, -250]") + "  heading_rad: 0.5\n"
     text += "world:\n  fluids:\n  - {fluid: water, surface_cm: 30, area_m: {x: [0, 1], z: [0, 1]}}\n"
     loaded = load(tmp_path, text)
-    assert loaded.herds[0].place.spacing_m == pytest.approx(1.2)
-    assert loaded.herds[0].place.center_m == pytest.approx((0.5, -0.25))
+    place = loaded.herds[0].place
+    assert isinstance(place, Grid)
+    assert place.spacing_m == pytest.approx(1.2)
+    assert place.center_m == pytest.approx((0.5, -0.25))
     assert loaded.herds[0].heading_deg == pytest.approx(28.6478898)
     assert loaded.world.fluids[0].surface_m == pytest.approx(0.3)
 

@@ -1,0 +1,249 @@
+"""A good scenario and the ways to make it bad, each with what its refusal has to say."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+HERD = """herds:
+- name: people
+  archetype: human
+  count: 3
+  place: {kind: grid, spacing_m: 1}
+  speed_m_s: 1.3
+"""
+GOOD = "name: good\nduration_s: 2\n" + HERD  # count is line 6, place 7, speed 8
+
+
+class Bad(NamedTuple):
+    """A scenario made bad: `old` of the good one replaced by `new` (or `new` alone, when `old` is None)."""
+
+    id: str
+    old: str | None
+    new: str
+    says: tuple[str, ...]  # all of these are in the message
+
+
+def more(text: str) -> tuple[str, str]:
+    """Lines added at the end; they start at line 9."""
+    return "speed_m_s: 1.3\n", "speed_m_s: 1.3\n" + text
+
+
+FLUIDS = "world:\n  fluids:\n"
+BOMB = "a: &a [x,x,x,x,x,x,x,x,x,x]\n" + "".join(
+    f"{chr(98 + k)}: &{chr(98 + k)} [{','.join(['*' + chr(97 + k)] * 10)}]\n" for k in range(8)
+)
+
+TABLE = [
+    # the file itself
+    Bad("empty", None, "", ("scene.yaml: is empty", "mapping")),
+    Bad("only comments", None, "# nothing\n", ("scene.yaml: is empty",)),
+    Bad("list at the top", None, "- name: x\n", ("scene.yaml:1: a list at the top",)),
+    Bad("text at the top", None, "hello\n", ("scene.yaml:1: a str at the top",)),
+    Bad("unclosed bracket", None, "name: [1, 2\n", ("scene.yaml:2: not valid YAML",)),
+    Bad("tab", None, "name: x\nworld:\n\tground: 1\n", ("scene.yaml:3: not valid YAML", "'\\t'")),
+    Bad("control character", None, "name: \x07\n", ("scene.yaml: not valid YAML", "character")),
+    Bad("two documents", None, GOOD + "---\n" + GOOD, ("scene.yaml:9: a second document",)),
+    Bad("alias bomb", None, BOMB, ("scene.yaml:5: more than 100,000 values (aliases expanded)",)),
+    Bad("alias of itself", None, "name: &a [*a]\n", ("scene.yaml:1: alias *a contains itself",)),
+    Bad("alias without anchor", None, "name: *nobody\n", ("scene.yaml:1: alias *nobody has no anchor",)),
+    Bad("deep nesting", None, "name: " + "[" * 100 + "]" * 100, ("scene.yaml:1: nested deeper than 40",)),
+    Bad("deep block nesting", None, "".join(" " * k + "a:\n" for k in range(60)), ("scene.yaml:41: nested deeper",)),
+    Bad("too large", None, "# " + "x" * 1_000_100, ("at most 1,000,000 are read",)),
+    Bad("too many values", None, "name: [" + "1," * 110_000 + "]\n", ("more than 100,000 values",)),
+    Bad("code tag", None, "name: !!python/object/apply:os.system [ls]\n", ("scene.yaml:1: tag", "not allowed")),
+    Bad("key that is a list", None, "? [a, b]\n: 1\n", ("scene.yaml:1: a key must be a name",)),
+    Bad("key that is a number", None, "1: 2\n", ("scene.yaml:1: a key must be a name",)),
+    Bad(
+        "key twice", "duration_s: 2", "duration_s: 2\nduration_s: 3", ("scene.yaml:3: key 'duration_s' again", "line 2")
+    ),
+    Bad(
+        "integer of 5000 digits",
+        "count: 3",
+        "count: " + "9" * 5000,
+        ("scene.yaml:6: '999", "cannot be read as int"),
+    ),
+    # keys
+    Bad(
+        "unknown key",
+        "duration_s",
+        "sede: 3\nduration_s",
+        ("scene.yaml:2 sede: unknown key", "did you mean 'seed'?"),
+    ),
+    Bad("unknown key in a herd", "count: 3", "cuont: 3", (":6 herds[0].cuont: unknown key", "did you mean 'count'?")),
+    Bad(
+        "wrong unit",
+        "speed_m_s: 1.3",
+        "speed_kmh: 5",
+        (":8 herds[0].speed_kmh", "did you mean 'speed_m_s'?", "unit"),
+    ),
+    Bad("no unit", "speed_m_s: 1.3", "speed: 1.3", (":8 herds[0].speed", "did you mean 'speed_m_s'?")),
+    Bad(
+        "no unit in a place",
+        "spacing_m: 1",
+        "spacing: 1",
+        (":7 herds[0].place.spacing", "did you mean 'spacing_m'?"),
+    ),
+    Bad(
+        "same length twice",
+        "spacing_m: 1",
+        "spacing_m: 1, spacing_cm: 100",
+        ("spacing_cm: the same as 'spacing_m'",),
+    ),
+    Bad("missing count", "  count: 3\n", "", ("scene.yaml:4 herds[0].count: missing; 'count' is needed",)),
+    Bad("missing herds", HERD, "seed: 1\n", ("herds: missing; 'herds' is needed",)),
+    # values
+    Bad("NaN", "duration_s: 2", "duration_s: .nan", (":2 duration_s: nan: must be a finite number",)),
+    Bad("infinity", "speed_m_s: 1.3", "speed_m_s: .inf", (":8 herds[0].speed_m_s: inf: must be a finite number",)),
+    Bad("overflow", "speed_m_s: 1.3", "speed_m_s: 1e999", ("speed_m_s: inf: must be a finite number",)),
+    Bad("negative count", "count: 3", "count: -3", (":6 herds[0].count: -3: must be greater than or equal to 1",)),
+    Bad("fractional count", "count: 3", "count: 2.5", (":6 herds[0].count: 2.5: must be a valid integer",)),
+    Bad("text for a number", "count: 3", "count: many", (":6 herds[0].count: 'many': must be a valid integer",)),
+    Bad(
+        "true for a number", "speed_m_s: 1.3", "speed_m_s: true", ("herds[0].speed_m_s: true: must be a valid number",)
+    ),
+    Bad("number in quotes", "speed_m_s: 1.3", "speed_m_s: '1.3'", ("speed_m_s: '1.3': must be a valid number",)),
+    Bad("yes for true", *more("  arms_up: yes\n"), (":9 herds[0].arms_up: 'yes': must be a valid boolean",)),
+    Bad(
+        "a billion characters", "count: 3", "count: 1000000000", ("herds: 1,000,000,000 characters", "1,000,000", "GB")
+    ),
+    Bad("negative duration", "duration_s: 2", "duration_s: -1", (":2 duration_s: -1: must be greater than 0",)),
+    Bad("rate too low", *more("rate_hz: 10\n"), (":9 rate_hz: 10: must be greater than or equal to 15",)),
+    Bad("rate too high", *more("rate_hz: 1000\n"), (":9 rate_hz: 1000: must be less than or equal to 240",)),
+    Bad("name with a slash", "name: good", "name: ../up", (":1 name: '../up': must be a name",)),
+    Bad("unknown schedule", *more("schedule: mixd\n"), (":9 schedule: 'mixd': must be one of", "mean 'mixed'?")),
+    Bad("unknown drag mesh", *more("drag: {mesh: skined}\n"), (":9 drag.mesh: 'skined'", "did you mean 'skinned'?")),
+    Bad("text for a mapping", *more("drag: rigid\n"), (":9 drag: 'rigid': must be a mapping",)),
+    Bad("herds as a mapping", "herds:\n- name", "herds:\n  name", ("herds: ", "must be a list")),
+    Bad("no herds", HERD, "herds: []\n", (":3 herds: []: must have at least 1 item",)),
+    Bad("unknown place", "kind: grid", "kind: gird", (":7 herds[0].place.kind: 'gird'", "did you mean 'grid'?")),
+    Bad("place without kind", "kind: grid, ", "", (":7 herds[0].place: ", "needs kind")),
+    Bad("three coordinates", "spacing_m: 1", "spacing_m: 1, center_m: [1, 2, 3]", ("center_m", "at most 2 items")),
+    Bad("one coordinate", "spacing_m: 1", "spacing_m: 1, center_m: [1]", ("center_m[1]: missing",)),
+    Bad("zero spacing", "spacing_m: 1", "spacing_m: 0", (":7 herds[0].place.spacing_m: 0: must be greater than 0",)),
+    # exactly one of
+    Bad("duration and frames", "duration_s: 2", "duration_s: 2\nframes: 5", ("exactly one of duration_s, frames",)),
+    Bad("neither duration nor frames", "duration_s: 2\n", "", ("exactly one of duration_s, frames", "none is given")),
+    Bad("no speed", "  speed_m_s: 1.3\n", "", (":4 herds[0]: exactly one of speed_m_s, velocity_m_s, waypoints",)),
+    Bad("speed and velocity", *more("  velocity_m_s: [1, 0]\n"), ("both speed_m_s and velocity_m_s are given",)),
+    Bad(
+        "fluid and density",
+        *more(FLUIDS + "  - {fluid: mud, density_kg_m3: 9, surface_m: 0}\n"),
+        (":11 world.fluids[0]: exactly",),
+    ),
+    Bad("event of nothing", *more("events:\n- {at_s: 1}\n"), (":10 events[0]: exactly one of impulse_n_s",)),
+    # between parts
+    Bad(
+        "name of two herds",
+        *more(HERD.removeprefix("herds:\n")),
+        (":9 herds[1].name: 'people' is the name of herds[0]",),
+    ),
+    Bad(
+        "event for no herd",
+        *more("events:\n- {at_s: 1, herds: [peple], velocity_m_s: [0, 1]}\n"),
+        (":10 events[0].herds[0]", "mean 'people'?"),
+    ),
+    Bad(
+        "event beyond the herd",
+        *more("events:\n- {at_s: 1, characters: [3], velocity_m_s: [0, 1]}\n"),
+        ("events[0].characters: 3", "has 3 characters (0 to 2)"),
+    ),
+    Bad(
+        "negative character",
+        *more("events:\n- {at_s: 1, characters: [-1], velocity_m_s: [0, 1]}\n"),
+        ("characters[0]: -1: must be greater",),
+    ),
+    Bad(
+        "event after the end",
+        *more("events:\n- {at_s: 3, velocity_m_s: [0, 1]}\n"),
+        (":10 events[0].at_s: 3.0 s is after the end", "2 s"),
+    ),
+    Bad(
+        "picture after the end",
+        *more("pictures: {at_s: [1, 20]}\n"),
+        (":9 pictures.at_s[1]: 20 s is after the end",),
+    ),
+    Bad(
+        "picture of no herd", *more("pictures: {follow: poeple}\n"), (":9 pictures.follow: 'poeple'", "mean 'people'?")
+    ),
+    Bad(
+        "recording rate", *more("record: {rate_hz: 25}\n"), (":9 record.rate_hz: 25: must divide rate_hz 60", "30, 20")
+    ),
+    Bad(
+        "overlapping fluids",
+        *more(FLUIDS + "  - {fluid: mud, surface_m: 0}\n  - {fluid: goo, surface_m: 1}\n"),
+        (":12 world.fluids[1]: overlaps world.fluids[0]", "priority"),
+    ),
+    Bad(
+        "area inside out",
+        *more(FLUIDS + "  - {fluid: mud, surface_m: 0, area_m: {x: [2, 1], z: [0, 1]}}\n"),
+        ("area_m.x: [2.0, 1.0]",),
+    ),
+    Bad(
+        "unknown fluid",
+        *more(FLUIDS + "  - {fluid: watr, surface_m: 0}\n"),
+        (":11 world.fluids[0].fluid: 'watr'", "mean 'water'?", "goo"),
+    ),
+    Bad(
+        "ramp of no length",
+        *more("world: {ground: {kind: ramp, start_m: 2, end_m: 2, drop_m: 1}}\n"),
+        (":9 world.ground.end_m: 2.0: must be above start_m",),
+    ),
+    Bad(
+        "too few points",
+        "kind: grid, spacing_m: 1",
+        "kind: list, points_m: [[0, 0]]",
+        (":7 herds[0].place.points_m: 1 points for a count of 3",),
+    ),
+    Bad(
+        "full disc",
+        "count: 3\n  place: {kind: grid, spacing_m: 1}",
+        "count: 99\n  place: {kind: poisson_disc, radius_m: 1, min_distance_m: 1}",
+        (":7 herds[0].place.min_distance_m: 99 characters", "at most 8"),
+    ),
+    Bad(
+        "mean outside",
+        *more("  variation: {height: {kind: normal, mean: 2, sd: 0.1, max: 1.5}}\n"),
+        (":9 herds[0].variation.height: mean 2.0",),
+    ),
+    Bad(
+        "min above max",
+        *more("  variation: {mass: {kind: uniform, min: 2, max: 1}}\n"),
+        (":9 herds[0].variation.mass: min 2.0 is above",),
+    ),
+    # files
+    Bad(
+        "unknown archetype",
+        "archetype: human",
+        "archetype: humann",
+        (":5 herds[0].archetype: 'humann'", "mean 'human'?"),
+    ),
+    Bad(
+        "missing character file",
+        "archetype: human",
+        "archetype: gone.glb",
+        (":5 herds[0].archetype: 'gone.glb': no such file", "gone.glb)"),
+    ),
+    Bad("missing rig", *more("  rig: gone.yaml\n"), (":9 herds[0].rig: 'gone.yaml': no such file",)),
+    Bad("missing fluids file", *more("fluids: gone.yaml\n"), (":9 fluids: 'gone.yaml': no such file",)),
+    Bad(
+        "missing height map",
+        *more("world: {ground: {kind: heightmap, file: gone.png, cell_m: 1, height_scale_m: 2}}\n"),
+        (":9 world.ground.file: 'gone.png': no such file",),
+    ),
+    Bad(
+        "height map of words",
+        *more("world: {ground: {kind: heightmap, file: x.docx, cell_m: 1}}\n"),
+        ("'x.docx': must be a .png",),
+    ),
+    Bad(
+        "height map without cell",
+        *more("world: {ground: {kind: heightmap, file: x.npy}}\n"),
+        ("'cell_m' is needed",),
+    ),
+    Bad(
+        "name no file can have",
+        "archetype: human",
+        'archetype: "\\0.glb"',
+        (":5 herds[0].archetype", "no such file"),
+    ),
+]
