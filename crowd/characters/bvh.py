@@ -59,7 +59,8 @@ class Bvh:
 def read(path: Path) -> RawRig:
     """The joints of a BVH file with its one motion, in file units and axes; End Sites are joints named "<joint> end".
 
-    The rest pose is the tree's own: every rotation zero. Whether that is a pose to stand in is decided elsewhere.
+    The rest pose is the tree's own: every rotation zero. Whether that is a pose to stand in, what up is and where the
+    motion repeats is decided by `mocap.read_rig`.
     Raises InputError naming file and line.
     """
     return to_rig(parse(path))

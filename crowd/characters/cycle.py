@@ -29,7 +29,7 @@ class CyclePiece:
     rotation: np.ndarray  # [F, J, 4] wxyz, joint to parent
     translation: np.ndarray  # [F, J, 3] joint to parent; roots in the world, their mean at x = z = 0
     duration: float  # s
-    speed: float | None  # length units of the input per second; None: the clip was in place already
+    speed: float | None  # length units of the input per second; None: the clip was in place already, measure the feet
     direction: np.ndarray  # [2] unit (x, z) of travel in the frame of the piece; (0, 1) where speed is None
     turned: float  # rad, yaw taken out over the loop, positive to the left
     climbed: float  # rise taken out over the loop, length units
@@ -63,7 +63,7 @@ def extract_cycle(
     _check_stepping(search, list(feet), where)
     first, last = search.best(where)
     first, last = first * step, last * step
-    return _piece(rotation, translation, parents, position, weight, (first, last), rate)
+    return _piece(rotation, translation, parents, position, weight, list(feet), (first, last), rate)
 
 
 class _Loops:
@@ -155,6 +155,7 @@ def _piece(
     parents: Sequence[int],
     position: np.ndarray,
     weight: np.ndarray,
+    feet: list[int],
     span: tuple[int, int],
     rate: float,
 ) -> CyclePiece:
@@ -180,7 +181,8 @@ def _piece(
     half = angle / 2
     travelled = abs(chord) * (half / np.sin(half) if abs(half) > 1e-6 else 1.0)
     size = float(np.sqrt(np.einsum("j,jc->", weight, (clouds[0] - centres[0]) ** 2)))
-    moves = travelled > 0.03 * size
+    swing = np.ptp(to_global(parents, q, p)[1][:, feet][..., [0, 2]], axis=0)
+    moves = travelled > 0.2 * float(np.linalg.norm(swing, axis=-1).mean())  # a walk travels farther than its feet swing
     heading = chord * np.exp(-1j * half) / max(abs(chord), 1e-12)
     residual = np.sum(weight * np.abs(flat[1] - np.exp(1j * angle) * flat[0]) ** 2)
     residual += np.sum(weight * ((clouds[1, :, 1] - centres[1, 1]) - (clouds[0, :, 1] - centres[0, 1])) ** 2)
