@@ -128,29 +128,29 @@ def _walk_path(stride: float, duty: float) -> dict:
     rise = 0.355  # phase at which the heel leaves the ground
     toe_off, power = -60.0, 2.1
     speed_at_toe_off = toe_off * power / (duty - rise) * (1.0 - duty)
-    swing = spline((0, 0.12, 0.28, 0.5, 0.72, 0.88, 1), (toe_off, -74, -52, -12, 3, 13, 0), (speed_at_toe_off, -60.0))
+    swing = spline((0, 0.12, 0.28, 0.5, 0.72, 0.88, 1), (toe_off, -83, -62, -8, 1.5, 9, 0), (speed_at_toe_off, -60.0))
 
     def angle(phase: np.ndarray) -> np.ndarray:
         phase = np.asarray(phase, float)
         lifting = toe_off * np.clip((phase - rise) / (duty - rise), 0.0, 1.0) ** power
         return np.where(phase <= duty, lifting, swing((phase - duty) / (1.0 - duty)))
 
-    lift = spline((0, 0.14, 0.32, 0.52, 0.72, 0.88, 1), (0, 0.0755, 0.0592, 0.0314, 0.0204, 0.0506, 0))
-    return {"stride": stride, "front": 0.403, "duty": duty, "lift": lift, "pitch": angle}
+    lift = spline((0, 0.14, 0.32, 0.52, 0.72, 0.88, 1), (0, 0.083, 0.072, 0.030, 0.015, 0.036, 0))
+    return {"stride": stride, "front": 0.398, "duty": duty, "lift": lift, "pitch": angle}
 
 
 def _jog_path(stride: float, duty: float) -> dict:
     rise, toe_off, power = 0.14, -62.0, 1.8
     speed_at_toe_off = toe_off * power / (duty - rise) * (1.0 - duty)
-    swing = spline((0, 0.1, 0.3, 0.5, 0.7, 0.88, 1), (toe_off, -84, -98, -75, -28, 3, 0), (speed_at_toe_off, -30.0))
+    swing = spline((0, 0.1, 0.3, 0.5, 0.7, 0.88, 1), (toe_off, -101, -92, -39, -16, 7, 0), (speed_at_toe_off, -30.0))
 
     def angle(phase: np.ndarray) -> np.ndarray:
         phase = np.asarray(phase, float)
         lifting = toe_off * np.clip((phase - rise) / (duty - rise), 0.0, 1.0) ** power
         return np.where(phase <= duty, lifting, swing((phase - duty) / (1.0 - duty)))
 
-    lift = spline((0, 0.1, 0.25, 0.4, 0.6, 0.8, 0.93, 1), (0, 0.09, 0.21, 0.25, 0.18, 0.1, 0.035, 0))
-    return {"stride": stride, "front": 0.42, "duty": duty, "lift": lift, "pitch": angle}
+    lift = spline((0, 0.1, 0.25, 0.4, 0.6, 0.8, 0.93, 1), (0, 0.0985, 0.228, 0.223, 0.110, 0.070, 0.033, 0))
+    return {"stride": stride, "front": 0.29, "duty": duty, "lift": lift, "pitch": angle, "late": 1.04}
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,7 @@ def _gait(paths: dict, carriage: _Carriage) -> Poser:
 
 
 def _walk() -> Clip:
-    carriage = _Carriage(lean=3.0, twist=4.5, list=4.0, drop=0.030, bob=0.0188, lowest=-0.002, surge=-0.01)
+    carriage = _Carriage(lean=3.0, twist=4.5, list=4.0, drop=0.0311, bob=0.0205, lowest=-0.004, surge=-0.01)
     poser = _gait(_walk_path(1.3, 0.6), carriage)
     phase = np.arange(_SAMPLES) / _SAMPLES
     for side, sign, start in _SIDES:
@@ -204,7 +204,7 @@ def _walk() -> Clip:
 
 def _jog() -> Clip:
     cycle = 0.74
-    carriage = _Carriage(lean=9.0, twist=6.0, list=4.0, drop=0.035, bob=0.036, lowest=0.185)
+    carriage = _Carriage(lean=9.0, twist=6.0, list=4.0, drop=0.053, bob=0.026, lowest=0.235)
     poser = _gait(_jog_path(2.6 * cycle, 0.37), carriage)
     phase = np.arange(_SAMPLES) / _SAMPLES
     for side, sign, start in _SIDES:
