@@ -6,7 +6,7 @@ the tree's own, or is put together from the strides (each leg as it stands under
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,7 @@ ANIMAL = (0.15, 2.6)  # m, of anything else
 LOW = 0.08  # of the height: joints that come this near to the ground belong to feet
 SKULL = 0.05  # of the height: a shorter highest bone is no head
 HEAD = 0.08  # of the height: from the skull's joint to the crown
+UNEVEN = 0.03  # of the height: feet that stand this far apart in height walk on uneven ground
 SAME_LEVEL = 0.06  # of the height: feet of a standing pose
 
 
@@ -35,6 +36,7 @@ class Motion:
 
     height: float  # file units, extent of the joints along y
     feet: list[int]  # joints that come near the ground
+    travel: dict[str, np.ndarray] = field(default_factory=dict)  # velocity [3] taken out of each clip that travelled
 
 
 def read_rig(path: Path, up: str | None = None, metres_per_unit: float | None = None) -> RawRig:
@@ -204,6 +206,9 @@ def _cycled(raw: RawRig, clip: RawClip, motion: Motion, where: str, notes: list[
         raise fail(place, f"{count} frame(s) of motion; a walk cycle needs at least 8")
     rotation, translation = to_local(raw.parents, clip.rotation, clip.position)
     piece = extract_cycle(rotation, translation, raw.parents, motion.feet, (count - 1) / clip.duration, place)
+    if piece.speed is not None:
+        ahead = piece.speed * piece.direction
+        motion.travel[clip.name] = np.array([ahead[0], piece.climbed / piece.duration, ahead[1]])
     notes.extend(_cycle_notes(clip, piece, motion, skipped))
     looped = [np.concatenate([part, part[:1]]) for part in (piece.rotation, piece.translation)]
     global_q, global_p = to_global(raw.parents, *looped)
@@ -226,6 +231,7 @@ def _cycle_notes(clip: RawClip, piece: CyclePiece, motion: Motion, skipped: int)
 
 def _rested(raw: RawRig, pose: RawClip | None, motion: Motion, notes: list[str]) -> RawRig:
     """The rig with a standing rest pose on y = 0 and every clip facing as it does, on the same ground."""
+    raw = replace(raw, clips=tuple(_levelled(c, _foot_tips(raw, motion), motion, notes) for c in raw.clips))
     clip = max(raw.clips, key=lambda c: c.duration)
     if pose is not None and _stands(raw, pose.position[0], clip, motion):
         position, rotation = pose.position[0], pose.rotation[0]
@@ -280,22 +286,33 @@ def _neutral(raw: RawRig, clip: RawClip, motion: Motion) -> tuple[np.ndarray, np
         chains.append((tips, chain))
         counts[list(chain)] += 1
     for tips, chain in chains:
-        frame = _mid_stance(clip, tips)
+        frame = _mid_stance(clip, tips, motion.travel.get(clip.name))
         legs = [joint for joint in chain if counts[joint] == 1]
         mean_q[legs], mean_p[legs] = rotation[frame, legs], translation[frame, legs]
     q, p = to_global(raw.parents, mean_q[None], mean_p[None])
     return p[0], q[0]
 
 
-def _mid_stance(clip: RawClip, tips: list[int]) -> int:
-    """The frame in the middle of the time during which the foot is lowest and flat."""
-    height = clip.position[:-1, tips, 1].sum(1)
-    low = height < height.min() + 0.12 * np.ptp(height)
-    turn = np.exp(2j * np.pi * np.arange(len(low)) / len(low))
-    centre = np.angle(np.sum(turn[low])) / (2 * np.pi) * len(low)
-    frames = np.flatnonzero(low)
-    away = np.abs(np.mod(frames - centre + len(low) / 2, len(low)) - len(low) / 2)
-    return int(frames[np.argmin(away)])
+def _mid_stance(clip: RawClip, tips: list[int], travel: np.ndarray | None) -> int:
+    """The frame in the middle of the stance of the foot made of joints `tips`.
+
+    travel: velocity [3] that was taken out of the clip; a planted foot moves against it. None: the foot is planted
+    while it is low against the body.
+    """
+    position = clip.position[:-1]
+    count = len(position)
+    if travel is None:
+        away = (position[:, tips, 1] - position[..., 1].mean(1, keepdims=True)).sum(1)
+        away = (away - away.min()) / max(np.ptp(away), 1e-12) / 0.12
+    else:
+        foot = position[:, tips].mean(1)
+        velocity = (np.roll(foot, -1, 0) - np.roll(foot, 1, 0)) * count / (2 * clip.duration)
+        away = np.linalg.norm(velocity + travel, axis=-1)
+        away = away / max(0.3 * float(np.linalg.norm(travel)), 2.0 * float(away.min()), 1e-12)
+    weight = np.maximum(1.0 - away, 0.0)
+    centre = np.angle(np.sum(weight * np.exp(2j * np.pi * np.arange(count) / count))) / (2 * np.pi) * count
+    frames = np.flatnonzero(weight > 0)
+    return int(frames[np.argmin(np.abs(np.mod(frames - centre + count / 2, count) - count / 2))])
 
 
 def _mean(rotation: np.ndarray) -> np.ndarray:
@@ -303,6 +320,30 @@ def _mean(rotation: np.ndarray) -> np.ndarray:
     signs = np.where(np.sum(rotation * rotation[:1], -1, keepdims=True) < 0, -1.0, 1.0)
     total = np.sum(rotation * signs, 0)
     return total / np.linalg.norm(total, axis=-1, keepdims=True)
+
+
+def _levelled(clip: RawClip, feet: list[list[int]], motion: Motion, notes: list[str]) -> RawClip:
+    """The clip as it would be on level ground, where its feet stand on different heights (stones, stairs).
+
+    The ground's height is known when each foot is in mid-stance; between these it is taken to change smoothly.
+    """
+    count = len(clip.position) - 1
+    stands = sorted((_mid_stance(clip, tips, motion.travel.get(clip.name)), tips) for tips in feet)
+    frames = np.array([frame for frame, _ in stands])
+    levels = np.array([clip.position[frame, tips, 1].min() for frame, tips in stands])
+    if len(stands) < 2 or np.ptp(levels) < UNEVEN * motion.height or len(set(frames)) < len(frames):
+        return clip
+    notes.append(
+        f"clip '{clip.name}': its feet stand on levels {np.ptp(levels) / motion.height:.0%} of the height apart; evened"
+    )
+    at = np.arange(count + 1) % count
+    after = np.searchsorted(frames, at, side="right") % len(frames)
+    before = after - 1
+    span = np.mod(frames[after] - frames[before] - 1, count) + 1
+    share = 0.5 - 0.5 * np.cos(np.pi * np.mod(at - frames[before], count) / span)
+    ground = levels[before] * (1 - share) + levels[after] * share
+    shifted = clip.position - np.stack([0 * ground, ground, 0 * ground], -1)[:, None]
+    return replace(clip, position=shifted)
 
 
 def _facing_as(rest: np.ndarray, clip: RawClip, motion: Motion) -> RawClip:
