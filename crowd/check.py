@@ -1,42 +1,42 @@
-"""What a scenario needs, told before anything is compiled: its files, the characters' places, memory and disk."""
+"""What a scene needs, told before anything is compiled: memory and disk, and how deep the characters start."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
-from crowd import characters
-from crowd.errors import InputError, Problem
-from crowd.ground import Ground, build_ground, height, refuse_missing
-from crowd.placement import place, variation
-from crowd.scenario import Scenario
 from crowd.scenario_check import recording_bytes
-from crowd.types import Archetype
+from crowd.scene import HerdScene, Scene
 
-TILE = 128
+TILE = 128  # characters are padded to whole tiles
+CHUNK = 32  # recorded frames in memory at once
 
 
 @dataclass(frozen=True)
-class HerdSummary:
-    """One herd of the scenario."""
+class HerdNeeds:
+    """One herd of the scene."""
 
-    name: str
-    archetype: Archetype
-    count: int
+    herd: HerdScene
     memory: int  # bytes while stepping
     recording: int  # bytes, uncompressed
     depth: float  # m, deepest fluid at the start places
 
+    def __str__(self) -> str:
+        kind = self.herd.archetype
+        wet = f", starts in {self.depth:.2f} m of fluid" if self.depth > 0 else ""
+        return (
+            f"{self.herd.name}: {self.herd.count:,} x {kind.name} ({len(kind.legs)} legs, "
+            f"{kind.skeleton.count} joints, {len(kind.mesh.triangles):,} triangles, "
+            f"{kind.height:.2f} m, {kind.mass:.1f} kg){wet}"
+        )
+
 
 @dataclass(frozen=True)
-class Summary:
+class Needs:
     """What `crowd check` tells."""
 
-    herds: tuple[HerdSummary, ...]
-    frames: int
-    notes: tuple[str, ...]
+    herds: tuple[HerdNeeds, ...]
+    notes: tuple[str, ...]  # what importers were unsure of, gaps in height maps
 
     @property
     def memory(self) -> int:
@@ -49,57 +49,37 @@ class Summary:
         return sum(herd.recording for herd in self.herds)
 
 
-def check(scenario: Scenario) -> Summary:
-    """Reads every file a scenario names and places every character. Raises `InputError` with every problem found."""
-    problems: list[Problem] = []
-    herds: list[HerdSummary] = []
-    notes: list[str] = []
-    ground = None
-    try:
-        ground = build_ground(scenario.world.ground, scenario.folder)
-        notes += ground.notes
-    except InputError as error:
-        problems += error.problems
-    for index, herd in enumerate(scenario.herds):
-        try:
-            archetype = characters.load(herd.archetype, scenario.folder, herd.rig)
-            points, _ = place(herd, scenario.seed)
-            variation(herd, scenario.seed)
-            if ground is not None:
-                refuse_missing(ground, points, scenario.where("herds", index, "place"))
-        except InputError as error:
-            problems += error.problems
-            continue
-        notes += [f"{herd.name}: {note}" for note in archetype.notes]
-        depth = 0.0 if ground is None else deepest(scenario, ground, points)
-        herds.append(_summary(scenario, herd.name, herd.count, archetype, depth))
-    if problems:
-        raise InputError(problems)
-    return Summary(tuple(herds), scenario.frame_count, tuple(notes))
+def needs(scene: Scene, frames: int | None = None) -> Needs:
+    """Estimates for `frames` frames (the scenario's when None). Compiles nothing."""
+    notes = [*scene.terrain.notes]
+    for herd in scene.herds:
+        notes += [f"{herd.name}: {note}" for note in herd.archetype.notes]
+    count = scene.scenario.frame_count if frames is None else frames
+    return Needs(tuple(_needs(scene, herd, count) for herd in scene.herds), tuple(dict.fromkeys(notes)))
 
 
-def deepest(scenario: Scenario, ground: Ground, points: np.ndarray) -> float:
-    """Largest depth of fluid, m, at points [n, 2] (x, z); 0 when all are dry."""
-    x, z = points[:, 0], points[:, 1]
-    bottom = height(ground, x, z)
-    depth = 0.0
-    for region in scenario.world.fluids:
-        inside = np.ones(len(points), dtype=bool)
-        if region.area_m is not None:
-            inside = (x >= region.area_m.x[0]) & (x <= region.area_m.x[1])
-            inside &= (z >= region.area_m.z[0]) & (z <= region.area_m.z[1])
-        if inside.any():
-            depth = max(depth, float((region.surface_m - bottom[inside]).max()))
-    return depth
-
-
-def _summary(scenario: Scenario, name: str, count: int, archetype: Archetype, depth: float) -> HerdSummary:
+def _needs(scene: Scene, herd: HerdScene, frames: int) -> HerdNeeds:
+    archetype, scenario = herd.archetype, scene.scenario
     joints, legs = archetype.skeleton.count, len(archetype.legs)
-    every = scenario.rate_hz // scenario.record.rate_hz
-    recorded = math.ceil(scenario.frame_count / every)
-    recording = recording_bytes(count, joints, legs, recorded, scenario.record.pose)
-    padded = math.ceil(count / TILE) * TILE
-    # State and parameters of every character, one recorded chunk, and a frame of one tile (pose, palette, skin, drag).
-    chunk = recording_bytes(padded, joints, legs, min(recorded, 64), scenario.record.pose)
-    tile = 4 * TILE * (12 * joints + 6 * len(archetype.mesh.vertices) + 12 * len(archetype.mesh.triangles))
-    return HerdSummary(name, archetype, count, 4 * padded * (120 + 40 * legs) + chunk + tile, recording, depth)
+    recorded = math.ceil(frames / (scenario.rate_hz // scenario.record.rate_hz))
+    pose = scenario.record.pose
+    padded = math.ceil(herd.count / TILE) * TILE
+    # Parameters and state of every character, a chunk of recorded frames on the device and its copy on the host, and
+    # one frame of one tile: poses, palette, skinned vertices and the drag of every triangle.
+    lasting = 4 * padded * (100 + 40 * legs)
+    chunk = 2 * recording_bytes(padded, joints, legs, min(recorded, CHUNK), pose)
+    tile = 4 * TILE * (24 * joints + 9 * len(archetype.mesh.vertices) + 12 * len(archetype.mesh.triangles))
+    x, z = herd.points.T
+    depth = float((scene.surface(x, z) - scene.ground(x, z)).max())
+    recording = recording_bytes(herd.count, joints, legs, recorded, pose)
+    return HerdNeeds(herd, lasting + chunk + tile, recording, max(depth, 0.0))
+
+
+def readable(count: int) -> str:
+    """Bytes in a fitting unit."""
+    value = float(count)
+    for unit in ("B", "kB", "MB", "GB"):
+        if value < 1000:
+            return f"{value:.0f} {unit}" if unit == "B" else f"{value:.1f} {unit}"
+        value /= 1000
+    return f"{value:.1f} TB"

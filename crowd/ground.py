@@ -68,11 +68,11 @@ def height(ground: Ground, x: np.ndarray | float, z: np.ndarray | float) -> np.n
         case "flat":
             return np.full(s.shape, a)
         case "slope":
-            return s * a
+            return np.asarray(s * a)
         case "ramp":
-            return -c * np.clip((s - a) / (b - a), 0.0, 1.0)
+            return np.asarray(-c * np.clip((s - a) / (b - a), 0.0, 1.0))
         case _:
-            return c * np.clip(np.floor((s - a) / b) + 1.0, 0.0, d)
+            return np.asarray(c * np.clip(np.floor((s - a) / b) + 1.0, 0.0, d))
 
 
 def refuse_missing(ground: Ground, points: np.ndarray, where: str) -> None:
@@ -139,4 +139,4 @@ def _bilinear(grid: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     j = np.clip(np.floor(v).astype(int), 0, rows - 2)
     a, b = u - i, v - j
     near = grid[j, i] * (1 - a) + grid[j, i + 1] * a
-    return near * (1 - b) + (grid[j + 1, i] * (1 - a) + grid[j + 1, i + 1] * a) * b
+    return np.asarray(near * (1 - b) + (grid[j + 1, i] * (1 - a) + grid[j + 1, i + 1] * a) * b)

@@ -1,0 +1,174 @@
+"""Ground on the host: heights of every kind against their formulas and the kernels, and files good and bad."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from PIL import Image
+from pydantic import TypeAdapter
+
+from crowd.errors import InputError
+from crowd.ground import Ground, build_ground, height, refuse_missing
+from crowd.ground_files import read_heights
+from crowd.scenario_world import Ground as GroundModel
+from kernels import terrain
+
+
+def ground(folder: Path = Path(), **model: Any) -> Ground:
+    return build_ground(TypeAdapter(GroundModel).validate_python(model), folder)
+
+
+def at(kind: Ground, *points: tuple[float, float]) -> list[float]:
+    return height(kind, *np.array(points).T).tolist()
+
+
+def test_flat_and_slope() -> None:
+    assert at(ground(kind="flat", height_m=0.5), (3, 4)) == [0.5]
+    up = ground(kind="slope", angle_deg=10.0, toward_deg=90.0)  # rises toward +x
+    assert height(up, 0.0, 5.0).shape == ()
+    np.testing.assert_allclose(at(up, (2, 7), (-1, 0)), [2 * math.tan(math.radians(10)), -math.tan(math.radians(10))])
+
+
+def test_ramp_and_steps() -> None:
+    ramp = ground(kind="ramp", start_m=2.0, end_m=6.0, drop_m=1.0)
+    np.testing.assert_allclose(at(ramp, (0, 0), (5, 2), (0, 3), (0, 6), (0, 99)), [0, 0, -0.25, -1, -1])
+    steps = ground(kind="steps", rise_m=0.2, tread_m=0.3, count=3, start_m=1.0)
+    np.testing.assert_allclose(at(steps, (0, 0.99), (0, 1.01), (0, 1.31), (0, 1.61), (0, 50)), [0, 0.2, 0.4, 0.6, 0.6])
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        {"kind": "flat", "height_m": 0.3},
+        {"kind": "slope", "angle_deg": -7.0, "toward_deg": 30.0},
+        {"kind": "ramp", "start_m": -2.0, "end_m": 6.0, "drop_m": 1.1},
+        {"kind": "steps", "rise_m": -0.17, "tread_m": 0.29, "count": 10, "start_m": -1.0},
+    ],
+    ids=lambda model: str(model["kind"]),
+)
+def test_profiles_are_those_of_the_kernel(model: dict[str, Any]) -> None:
+    here = ground(**model)
+    x, z = np.random.default_rng(0).uniform(-8, 8, (2, 200)).astype(np.float32)
+    s = x * np.float32(here.axis[0]) + z * np.float32(here.axis[1])
+    found, _ = terrain.profile(here.kind, jnp.asarray(here.parameters, jnp.float32), jnp.asarray(s))
+    np.testing.assert_allclose(np.asarray(found), height(here, x, z), atol=2e-6)
+
+
+def test_height_map_is_not_mirrored(tmp_path: Path) -> None:
+    """The first row is far (+z), columns run from the left (+x) to the right."""
+    np.save(tmp_path / "map.npy", np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]))
+    here = ground(tmp_path, kind="heightmap", file="map.npy", cell_m=2.0, center_m=[10.0, 20.0])
+    np.testing.assert_allclose(at(here, (12, 21), (10, 21), (8, 21), (12, 19), (8, 19)), [1, 2, 3, 4, 6])
+    np.testing.assert_allclose(at(here, (10, 20), (11, 21)), [3.5, 1.5])  # bilinear
+    np.testing.assert_allclose(at(here, (99, 99), (-99, 20)), [1, 4.5])  # level beyond the border
+
+
+def test_height_map_agrees_with_the_kernel(tmp_path: Path) -> None:
+    heights = np.random.default_rng(1).normal(size=(7, 9))
+    np.save(tmp_path / "map.npy", heights)
+    here = ground(tmp_path, kind="heightmap", file="map.npy", cell_m=0.5)
+    assert here.grid is not None
+    x, z = np.random.default_rng(2).uniform(-3, 3, (2, 300)).astype(np.float32)
+    u, v = (x - here.origin[0]) / here.cell[0], (z - here.origin[1]) / here.cell[1]
+    grid, u, v = (jnp.asarray(values, jnp.float32) for values in (here.grid.ravel(), u, v))
+    found, _, _ = terrain.bilinear(grid, (7, 9), u, v)
+    np.testing.assert_allclose(np.asarray(found), height(here, x, z), atol=1e-5)
+
+
+def test_datum_and_scale(tmp_path: Path) -> None:
+    np.save(tmp_path / "map.npy", np.array([[100, 102], [104, 106]], np.int16))
+    raised = ground(tmp_path, kind="heightmap", file="map.npy", cell_m=1, datum_m=100.0, height_scale_m=0.5)
+    assert at(raised, (0, 0)) == [pytest.approx(51.5 - 100)]
+    centred = ground(tmp_path, kind="heightmap", file="map.npy", cell_m=1, datum_m="center")
+    assert at(centred, (0, 0)) == [pytest.approx(0)]
+
+
+@pytest.mark.parametrize(("mode", "white"), [("L", 255), ("RGB", (255, 255, 255)), ("I;16", 65535), ("1", 1)])
+def test_png_of_any_depth(mode: str, white: Any, tmp_path: Path) -> None:
+    image = Image.new(mode, (4, 3), 0)
+    image.putpixel((0, 0), white)  # far left
+    image.save(tmp_path / "map.png")
+    here = ground(tmp_path, kind="heightmap", file="map.png", cell_m=1.0, height_scale_m=8.0)
+    np.testing.assert_allclose(at(here, (1.5, 1.0), (-1.5, -1.0)), [8.0, 0.0])
+
+
+def test_ascii_grid_with_gaps(tmp_path: Path) -> None:
+    text = "ncols 3\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 5\nNODATA_value -1\n7 8 -1\n1 2 3\n"
+    (tmp_path / "map.asc").write_text(text)
+    here = ground(tmp_path, kind="heightmap", file="map.asc")
+    np.testing.assert_allclose(at(here, (5, 2.5), (-5, -2.5)), [7, 3])
+    assert at(here, (-5, 2.5))[0] in (8.0, 3.0)  # filled with a neighbour
+    assert "1 of 6 cells have no height" in here.notes[0]
+    refuse_missing(here, np.array([[5.0, 2.5]]), "x")
+    with pytest.raises(InputError, match=r"herds\[0\].place: 1 characters start where the height map has no height"):
+        refuse_missing(here, np.array([[5.0, 2.5], [-5.0, 2.5]]), "herds[0].place")
+
+
+def test_real_terrain(shared_data: Path) -> None:
+    folder = shared_data / "terrain"
+    png = ground(folder, kind="heightmap", file="raylib_heightmap.png", cell_m=0.5, height_scale_m=10.0)
+    assert png.grid is not None
+    assert png.grid.shape == (128, 128)
+    assert (png.grid.min(), png.grid.max()) == (0.0, 10.0)
+    asc = ground(folder, kind="heightmap", file="landlab_hugo_site_filled.asc", datum_m="center")
+    assert asc.grid is not None
+    assert asc.grid.shape == (55, 76)
+    assert np.ptp(asc.grid) == pytest.approx(51.0, abs=1.0)  # 1660 to 1711 m
+    assert asc.missing is not None
+    assert 0.4 < asc.missing.mean() < 0.6
+    dem = ground(folder, kind="heightmap", file="jacksboro_fault_dem.npz", cell_m=80.0)
+    assert dem.grid is not None
+    assert dem.grid.shape == (344, 403)
+    assert (dem.grid.min(), dem.grid.max()) == (236, 1076)
+
+
+def text(content: str) -> Callable[[Path], object]:
+    return lambda path: path.write_text(content)
+
+
+HEADER = "ncols 2\nnrows 2\ncellsize 1\n"
+BAD_FILES: list[tuple[str, Callable[[Path], object], str]] = [
+    ("gone.png", lambda path: None, "no such file"),
+    ("words.png", text("hello"), "is not an image"),
+    ("cut.png", lambda path: path.write_bytes(_png_bytes()[:60]), "is not a readable PNG"),
+    ("map.tif", text("x"), "must be .png, .npy, .asc, .npz"),
+    ("words.npy", text("hello"), "is not a readable NPY array"),
+    ("empty.npy", text(""), "is not a readable NPY array"),
+    ("objects.npy", lambda path: np.save(path, np.array([[{}]]), allow_pickle=True), "is not a readable NPY array"),
+    ("line.npy", lambda path: np.save(path, np.arange(5.0)), "shape (5,): must be rows x columns"),
+    ("text.npy", lambda path: np.save(path, np.array([["a", "b"]] * 2)), "heights must be real numbers"),
+    ("complex.npy", lambda path: np.save(path, np.ones((3, 3), complex)), "heights must be real numbers"),
+    ("nan.npy", lambda path: np.save(path, np.full((3, 3), np.nan)), "no cell has a height"),
+    ("words.npz", text("hello"), "is not a readable NPZ archive"),
+    ("other.npz", lambda path: np.savez(path, elevatoin=np.ones((3, 3))), "did you mean 'elevatoin'?"),
+    ("binary.asc", lambda path: path.write_bytes(b"\xff\xfe" * 9), "is not a text file"),
+    ("nohead.asc", text("1 2\n3 4\n"), "header has no positive 'ncols'"),
+    ("key.asc", text("ncolumns 2\n" + HEADER + "1 2\n3 4\n"), "key.asc:1: 'ncolumns 2': must be one of"),
+    ("number.asc", text("ncols two\n"), "number.asc:1: 'two' is not a number"),
+    ("short.asc", text(HEADER + "1 2\n3\n"), "3 heights; 2 rows of 2 need 4"),
+    ("letters.asc", text(HEADER + "1 2\n3 x\n"), "a height is not a number"),
+    ("huge.asc", text("ncols 99999\nnrows 99999\ncellsize 1\n1\n"), "9,999,800,001 cells; at most"),
+]
+
+
+def _png_bytes() -> bytes:
+    import io
+
+    buffer = io.BytesIO()
+    Image.effect_noise((64, 64), 50).save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+@pytest.mark.parametrize(("name", "make", "says"), BAD_FILES, ids=[row[0] for row in BAD_FILES])
+def test_bad_file(name: str, make: Callable[[Path], object], says: str, tmp_path: Path) -> None:
+    make(tmp_path / name)
+    with pytest.raises(InputError) as caught:
+        read_heights(tmp_path / name)
+    assert says in str(caught.value)
+    assert name in str(caught.value)
