@@ -1,0 +1,72 @@
+"""Characters from three sources behind one type: built in, glTF (.glb, .gltf) and motion capture (.bvh)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from crowd.errors import fail, nearest
+from crowd.types import Archetype
+
+BUILT_IN = ("human", "dog", "hexapod")
+SUFFIXES = (".glb", ".gltf", ".bvh", ".yaml", ".yml")
+
+__all__ = ["BUILT_IN", "load"]
+
+
+def load(reference: str, base: Path | str = ".", rig: object = None) -> Archetype:
+    """The character a scenario names.
+
+    reference: a built-in name, or the path of a .glb, .gltf or .bvh file, or of a rig description .yaml that names
+    its asset; relative to the folder `base`. rig: overrides for detection: the path of a rig description, a mapping
+    with its keys, or a `RigDescription`; not for built-in names.
+    Raises InputError naming the file and the place.
+    """
+    folder = Path(base)
+    if reference in BUILT_IN:
+        if rig:
+            raise fail(f"archetype '{reference}'", "a built-in character takes no rig description")
+        from crowd.characters.builtin import build
+
+        return build(reference)
+    suffix = Path(reference).suffix.lower()
+    if suffix not in SUFFIXES:
+        known = ", ".join(BUILT_IN)
+        raise fail(
+            f"archetype '{reference}'",
+            f"is no built-in character{nearest(reference, BUILT_IN)} ({known}) and no file ending in "
+            f"{', '.join(SUFFIXES)}",
+        )
+    return _from_file(folder / reference, folder, rig)
+
+
+def _from_file(path: Path, folder: Path, rig: object) -> Archetype:
+    from crowd.characters.description import RigDescription, parse, read
+
+    description: RigDescription | None = None
+    if isinstance(rig, str | Path):
+        description = read(folder / rig)
+    elif isinstance(rig, Mapping | RigDescription):
+        items: Any = rig
+        description = parse(items, f"{path.name} rig")
+    elif rig is not None:
+        raise fail(f"{path.name} rig", f"is a {type(rig).__name__}; must be a path or a mapping")
+    if path.suffix.lower() in (".yaml", ".yml"):
+        own = read(path)
+        if own.asset is None:
+            raise fail(f"{path.name} asset", "is missing: the description must name its character file")
+        path = path.parent / own.asset
+        if path.suffix.lower() not in SUFFIXES[:3]:
+            raise fail(f"{own.asset}", f"is no character file; allowed endings: {', '.join(SUFFIXES[:3])}")
+        merged = {**own.model_dump(exclude_none=True, exclude_defaults=True)}
+        if description is not None:
+            merged |= description.model_dump(exclude_none=True, exclude_defaults=True)
+        description = parse(merged, "rig")
+    if path.suffix.lower() == ".bvh":
+        from crowd.characters import bvh
+
+        return bvh.load(path, description)
+    from crowd.characters.gltf_scene import load
+
+    return load(path, description)

@@ -1,4 +1,4 @@
-"""What a character file says before anything is known about it: joints, motion and mesh in the file's own units and axes.
+"""What a character file says before anything is known about it: joints, motion, mesh in its own units and axes.
 
 The readers (glTF, BVH) produce a `RawRig`; detection finds legs, arms, facing and gaits in it; normalisation makes
 it an `Archetype`. Everything is global (file frame): the hierarchy's offsets, scales and conventions are already gone,
@@ -21,6 +21,7 @@ class RawClip:
     duration: float  # s
     position: np.ndarray  # [F, J, 3] joint positions, file frame and units
     rotation: np.ndarray  # [F, J, 4] wxyz, joint to file frame
+    speed: float | None = None  # file units per second, where known (root motion removed); None: measured
 
     @property
     def times(self) -> np.ndarray:

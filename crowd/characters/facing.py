@@ -1,0 +1,136 @@
+"""Which way is up and which way a character walks, from contacts with the ground, stance motion and symmetry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crowd.characters.raw_rig import RawClip, RawRig
+from crowd.characters.subject import Subject, prepare, turned
+
+AXES: dict[str, np.ndarray] = {
+    f"{sign}{axis}": (1 if sign == "+" else -1) * np.eye(3)[k] for k, axis in enumerate("xyz") for sign in "+-"
+}
+CONTACT = 0.04  # of the height above the ground: skin this low touches it
+
+
+def rotation_to(up: np.ndarray, forward: np.ndarray) -> np.ndarray:
+    """Rotation matrix [3, 3] that takes `up` to +y and `forward` (made perpendicular to it) to +z."""
+    up = up / np.linalg.norm(up)
+    forward = forward - up * (forward @ up)
+    forward = forward / np.linalg.norm(forward)
+    return np.stack([np.cross(up, forward), up, forward])
+
+
+def upright(up: str) -> np.ndarray:
+    """Rotation matrix [3, 3] from a frame with the named up axis to y up, keeping +z (or else +x) horizontal."""
+    axis = AXES[up]
+    return rotation_to(axis, np.array([0.0, 0, 1]) if abs(axis[2]) < 0.5 else np.array([0.0, -1, 0]) * axis[2])
+
+
+def without_drift(clip: RawClip) -> np.ndarray:
+    """Joint positions [F, J, 3] with the steady motion of the whole body taken out."""
+    body = clip.position.mean(1)
+    drift = body[-1] - body[0]
+    return clip.position - np.linspace(0, 1, len(body))[:, None, None] * drift
+
+
+def find_up(raw: RawRig) -> tuple[str, bool]:
+    """The axis along which the lowest skin stays level while taking turns (feet), and whether it stands out."""
+    moves = [float(np.linalg.norm(without_drift(c) - c.position[:1], axis=-1).mean()) for c in raw.clips]
+    busiest = [raw.clips[k] for k in np.argsort(moves)[::-1][:3]]
+    size = max(float(np.ptp(raw.rest_position, axis=0).max()), 1e-9)
+    scores = {}
+    for name in AXES:
+        subject = prepare(turned(raw, upright(name)))
+        scores[name] = float(np.mean([_unrest(subject, clip.name, size) for clip in busiest]))
+    scores["+y"] -= 0.02  # conventions settle near ties
+    scores["+z"] -= 0.01
+    ranked = sorted(scores, key=lambda name: scores[name])
+    return ranked[0], scores[ranked[1]] - scores[ranked[0]] > 0.05
+
+
+def _unrest(subject: Subject, name: str, size: float) -> float:
+    clip = next(c for c in subject.raw.clips if c.name == name)
+    step = max(1, len(clip.position) // 200)
+    low = subject.lowest(clip.rotation[::step], without_drift(clip)[::step])
+    low = np.where(subject.carries, low, np.inf)
+    who = np.bincount(np.argmin(low, 1), minlength=low.shape[1])
+    alone = who.max() / who.sum()
+    return float(np.std(low.min(1)) / size + 0.5 * max(0.0, alone - 0.65))
+
+
+@dataclass(frozen=True)
+class Facing:
+    """Horizontal directions in a y-up frame."""
+
+    forward: np.ndarray  # [3] unit
+    motion: float  # 0..1: how well stance motion agrees on forward (0: no stepping found)
+    asymmetry: float  # of the joints against the mirror plane, as a share of the height
+
+
+def find_facing(subject: Subject, tips: list[int], prior: np.ndarray) -> Facing:
+    """Forward from the motion of feet on the ground (opposite to it), squared up with the body's mirror plane.
+
+    tips: lowest joint of every foot. prior: the format's forward, used where motion says nothing.
+    """
+    slides = [slide for clip in subject.raw.clips if (slide := stance_slide(subject, clip, tips)) is not None]
+    strong = [s for s in slides if np.linalg.norm(s) > 0.05 * subject.height]
+    line, agreement = _common_line(strong)
+    normal, asymmetry = _mirror_normal(subject, tips, line)
+    forward = np.cross(normal, np.array([0.0, 1.0, 0.0]))
+    along = np.array([np.clip(-(s @ forward) / (0.3 * subject.height), -1, 1) for s in strong if agreement > 0])
+    if len(along) and abs(along.sum()) > 0.2 * np.abs(along).sum():
+        sign = np.sign(along.sum())
+        return Facing(forward * sign, float(abs(along.sum()) / np.abs(along).sum()), asymmetry)
+    return Facing(forward * (1.0 if forward @ prior >= 0 else -1.0), 0.0, asymmetry)
+
+
+def stance_slide(subject: Subject, clip: RawClip, tips: list[int]) -> np.ndarray | None:
+    """Mean horizontal way [3] of the feet against the body while on the ground, per foot; None for falls and clips that are not cyclic."""
+    position = without_drift(clip)
+    if np.linalg.norm(position[-1] - position[0], axis=-1).mean() > 0.06 * subject.height:
+        return None
+    low = subject.lowest(clip.rotation, position)
+    skinned = np.flatnonzero(subject.carries)
+    tall = (position[:, skinned, 1].mean(1) - low[:, skinned].min(1)) / subject.height
+    rest_tall = (subject.raw.rest_position[skinned, 1].mean() - subject.ground) / subject.height
+    if tall.min() < 0.7 * rest_tall:
+        return None
+    feet = low[:, tips]
+    rise = np.ptp(feet, axis=0)
+    planted = feet < np.percentile(feet, 2, axis=0) + np.maximum(0.2 * rise, 0.003 * subject.height)
+    steps = np.diff(position[:, tips], axis=0)
+    both = (planted[1:] & planted[:-1])[..., None]
+    slide = np.sum(np.where(both, steps, 0.0), (0, 1)) / len(tips)
+    return slide * np.array([1.0, 0.0, 1.0])
+
+
+def _common_line(slides: list[np.ndarray]) -> tuple[np.ndarray, float]:
+    """Direction [3] (sign free) along which most clips slide, and the agreement in 0..1."""
+    if not slides:
+        return np.zeros(3), 0.0
+    angles = np.array([np.arctan2(s[2], s[0]) for s in slides])
+    double = np.exp(2j * angles).mean()
+    angle = np.angle(double) / 2
+    return np.array([np.cos(angle), 0.0, np.sin(angle)]), float(abs(double))
+
+
+def _mirror_normal(subject: Subject, tips: list[int], line: np.ndarray) -> tuple[np.ndarray, float]:
+    """Horizontal unit normal [3] of the plane that mirrors the joints best, across the walking line where known."""
+    joints = subject.raw.rest_position[subject.carries]
+    center = subject.raw.rest_position[tips].mean(0)
+    best: tuple[float, float, np.ndarray] | None = None
+    for degrees in range(0, 180, 5):
+        normal = np.array([np.cos(np.radians(degrees)), 0.0, np.sin(np.radians(degrees))])
+        offset = (joints - center) @ normal
+        mirrored = joints - 2.0 * offset[:, None] * normal
+        gaps = np.linalg.norm(mirrored[:, None] - joints[None], axis=-1).min(1)
+        asymmetry = float(gaps.mean()) / subject.height
+        # Square axes are what rigs are drawn in: they win near ties; x first, because +z is the usual front.
+        cost = asymmetry + 0.3 * float(line @ normal) ** 2 + (0.01 if degrees == 90 else 0.015 if degrees else 0.0)
+        if best is None or cost < best[0]:
+            best = (cost, asymmetry, normal)
+    assert best is not None
+    return best[2], best[1]
