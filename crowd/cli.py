@@ -84,31 +84,26 @@ def run(
     overrides: Overrides = None,
 ) -> None:
     """Run a scenario: recording (Zarr), metrics (CSV), plots and pictures (PNG)."""
-    from crowd.run import run_scenario
+    from crowd.run import Request, run_scenario
 
-    run_scenario(scenario, out, frames, seconds, devices, overrides or [])
+    run_scenario(Request(scenario, out, frames, seconds, devices, tuple(overrides or ())))
 
 
 @app.command()
 @_told
 def check(scenario: ScenarioFile, overrides: Overrides = None) -> None:
     """Validate a scenario with all its files and tell what it needs, without compiling."""
-    from crowd.check import check as check_scenario
-    from crowd.scenario import load
+    from crowd.check import needs, readable
+    from crowd.scene import load
 
-    loaded = load(scenario, overrides or [])
-    summary = check_scenario(loaded)
-    for herd in summary.herds:
-        kind = herd.archetype
-        print(
-            f"{herd.name}: {herd.count:,} x {kind.name} ({len(kind.legs)} legs, {kind.skeleton.count} joints, "
-            f"{len(kind.mesh.triangles):,} triangles, {kind.height:.2f} m, {kind.mass:.0f} kg), "
-            f"start depth {herd.depth:.2f} m"
-        )
-    for note in summary.notes:
+    scene = load(scenario, overrides or [])
+    found = needs(scene)
+    for herd in found.herds:
+        print(herd)
+    for note in found.notes:
         print(f"note: {note}")
-    print(f"{loaded.character_count:,} characters, {summary.frames:,} frames at {loaded.rate_hz} Hz")
-    print(f"memory about {_size(summary.memory)}, recording about {_size(summary.recording)} before compression")
+    print(f"{scene.count:,} characters, {scene.scenario.frame_count:,} frames at {scene.scenario.rate_hz} Hz")
+    print(f"memory about {readable(found.memory)}, recording about {readable(found.recording)} before compression")
     print("ok")
 
 
@@ -181,15 +176,6 @@ def _write(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise fail(str(path), f"cannot be written: {error.strerror}") from None
-
-
-def _size(count: int) -> str:
-    value = float(count)
-    for unit in ("B", "kB", "MB", "GB"):
-        if value < 1000:
-            return f"{value:.0f} {unit}" if unit == "B" else f"{value:.1f} {unit}"
-        value /= 1000
-    return f"{value:.1f} TB"
 
 
 def main() -> None:

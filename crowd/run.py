@@ -1,0 +1,159 @@
+"""`crowd run`: from a scenario file to a folder with recording, metrics, plots and pictures."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from crowd import check, compile_cache
+from crowd.errors import fail
+from crowd.progress import Progress
+from crowd.recording import Recorder
+from crowd.scenario import Scenario
+from crowd.scenario import load as load_scenario
+from crowd.scene import Scene
+from crowd.scene import load as load_scene
+from crowd.simulate import Chunk, stream
+
+RECORDING, METRICS, REPORT = "recording.zarr", "metrics.csv", "report"
+TILE = 128
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the command line asks for."""
+
+    scenario: Path
+    out: Path | None = None  # default: runs/NAME
+    frames: int | None = None
+    seconds: float | None = None
+    devices: int | None = None  # default: as many cores as there are tiles for
+    overrides: tuple[str, ...] = ()
+
+
+def run_scenario(request: Request) -> Path:
+    """Run a scenario into its folder, which is returned. Bad input raises `InputError` before anything is written."""
+    scenario = load_scenario(request.scenario, request.overrides)
+    frames = _frames(request, scenario)
+    out = request.out or Path("runs") / scenario.name
+    _refuse_foreign(out)
+    compile_cache.enable()
+    devices = use_devices(request.devices, scenario)
+    scene = load_scene(scenario)
+    _announce(scene, frames, devices)
+    fault = _step(scene, frames, devices, out)
+    _report_faults(scene, fault)
+    _evaluate(scene, out)
+    return out
+
+
+def use_devices(asked: int | None, scenario: Scenario) -> int:
+    """Makes JAX show that many devices and returns the number. Call before JAX has made any array.
+
+    On a processor a device is a core; more than there are, or more than the machine's accelerators, is refused.
+    """
+    import jax
+
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    tiles = max(math.ceil(herd.count / TILE) for herd in scenario.herds)
+    if asked is not None and asked > 1:
+        jax.config.update("jax_num_cpu_devices", min(asked, cores))
+    elif asked is None and tiles > 1 and cores > 1:
+        jax.config.update("jax_num_cpu_devices", min(cores, tiles))
+    there = len(jax.devices())
+    if asked is not None and asked > there:
+        raise fail("--devices", f"{asked}; this machine has {there}")
+    return asked if asked is not None else min(there, tiles)
+
+
+def _frames(request: Request, scenario: Scenario) -> int:
+    """Frames to step."""
+    if request.frames is not None and request.seconds is not None:
+        raise fail("--frames, --seconds", "only one of them can be given")
+    if request.seconds is not None:
+        if not (math.isfinite(request.seconds) and request.seconds > 0):
+            raise fail("--seconds", f"{request.seconds}: must be a positive number")
+        return max(1, round(request.seconds * scenario.rate_hz))
+    return scenario.frame_count if request.frames is None else request.frames
+
+
+def _refuse_foreign(out: Path) -> None:
+    """`InputError` unless the folder is new, empty or an earlier run."""
+    if out.exists() and not out.is_dir():
+        raise fail(str(out), "is a file; the output is a folder")
+    if out.is_dir() and any(out.iterdir()) and not (out / RECORDING).is_dir():
+        raise fail(str(out), "is not empty and not an earlier run; choose another folder with --out or remove it")
+    parent = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
+    if not os.access(parent, os.W_OK):
+        raise fail(str(out), f"cannot be made: {parent} is not writable")
+
+
+def _announce(scene: Scene, frames: int, devices: int) -> None:
+    scenario, found = scene.scenario, check.needs(scene, frames)
+    for herd in found.herds:
+        print(herd)
+    for note in found.notes:
+        print(f"note: {note}")
+    print(
+        f"{scenario.name}: {scene.count:,} characters, {frames:,} frames at {scenario.rate_hz} Hz on "
+        f"{devices} device{'s' if devices > 1 else ''}, recording about {check.readable(found.recording)} "
+        "before compression",
+        flush=True,
+    )
+
+
+def _step(scene: Scene, frames: int, devices: int, out: Path) -> dict[str, np.ndarray]:
+    """Steps and records; returns each herd's last fault codes. The folder is made when the first frames are there."""
+    fault: dict[str, np.ndarray] = {}
+    with Progress(frames, scene.scenario.rate_hz, scene.count) as progress:
+        chunks = stream(scene, frames, devices)
+        first = next(chunks)
+        out.mkdir(parents=True, exist_ok=True)
+        with Recorder(out / RECORDING, scene) as recorder:
+            _record(recorder, first, progress, fault)
+            for chunk in chunks:
+                _record(recorder, chunk, progress, fault)
+    return fault
+
+
+def _record(recorder: Recorder, chunk: Chunk, progress: Progress, fault: dict[str, np.ndarray]) -> None:
+    recorder.append(chunk)
+    for name, arrays in chunk.herds.items():
+        if len(chunk.time):
+            fault[name] = arrays["fault"][-1]
+    progress.advance(chunk.first_frame + chunk.frames)
+
+
+def _report_faults(scene: Scene, fault: dict[str, np.ndarray]) -> None:
+    for herd in scene.herds:
+        bad = np.flatnonzero(fault.get(herd.name, np.zeros(0)))
+        if len(bad):
+            shown = ", ".join(str(number) for number in bad[:10]) + (", ..." if len(bad) > 10 else "")
+            print(f"warning: {len(bad)} of {herd.count} characters of '{herd.name}' were frozen by a fault: {shown}")
+
+
+def _evaluate(scene: Scene, out: Path) -> None:
+    """Metrics, plots and pictures of the recording; the files of an earlier run are replaced."""
+    from rich.console import Console
+
+    from crowd.metrics import measure, print_metrics, write_metrics
+    from crowd.recorded import open_recording
+    from crowd.report import write_report
+
+    recording = open_recording(out / RECORDING)
+    rows = measure(recording)
+    metrics = write_metrics(rows, out / METRICS)
+    for stale in (out / REPORT).glob("*.png"):
+        stale.unlink()
+    files = write_report(recording, scene, out / REPORT)
+    print_metrics(rows, Console() if sys.stdout.isatty() else Console(width=110))
+    print(f"recording  {out / RECORDING}")
+    print(f"metrics    {metrics}")
+    print(f"plots      {out / REPORT}")
+    if "pictures" in files:
+        print(f"pictures   {files['pictures']}")
