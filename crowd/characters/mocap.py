@@ -26,7 +26,7 @@ ANIMAL = (0.15, 2.6)  # m, of anything else
 LOW = 0.08  # of the height: joints that come this near to the ground belong to feet
 SKULL = 0.05  # of the height: a shorter highest bone is no head
 HEAD = 0.08  # of the height: from the skull's joint to the crown
-UNEVEN = 0.03  # of the height: feet that stand this far apart in height walk on uneven ground
+UNEVEN = 0.05  # of the height: ground that rises and falls by this much under planted feet is uneven
 SAME_LEVEL = 0.06  # of the height: feet of a standing pose
 
 
@@ -294,25 +294,30 @@ def _neutral(raw: RawRig, clip: RawClip, motion: Motion) -> tuple[np.ndarray, np
 
 
 def _mid_stance(clip: RawClip, tips: list[int], travel: np.ndarray | None) -> int:
-    """The frame in the middle of the stance of the foot made of joints `tips`.
+    """The frame in the middle of the stance of the foot made of joints `tips` (see `_planted`)."""
+    weight = _planted(clip, tips, travel)
+    count = len(weight)
+    centre = np.angle(np.sum(weight * np.exp(2j * np.pi * np.arange(count) / count))) / (2 * np.pi) * count
+    frames = np.flatnonzero(weight > 0)
+    return int(frames[np.argmin(np.abs(np.mod(frames - centre + count / 2, count) - count / 2))])
+
+
+def _planted(clip: RawClip, tips: list[int], travel: np.ndarray | None) -> np.ndarray:
+    """How surely a foot stands in each frame of the cycle [F - 1], 0..1, somewhere above 0.
 
     travel: velocity [3] that was taken out of the clip; a planted foot moves against it. None: the foot is planted
     while it is low against the body.
     """
     position = clip.position[:-1]
-    count = len(position)
     if travel is None:
         away = (position[:, tips, 1] - position[..., 1].mean(1, keepdims=True)).sum(1)
         away = (away - away.min()) / max(np.ptp(away), 1e-12) / 0.12
     else:
         foot = position[:, tips].mean(1)
-        velocity = (np.roll(foot, -1, 0) - np.roll(foot, 1, 0)) * count / (2 * clip.duration)
+        velocity = (np.roll(foot, -1, 0) - np.roll(foot, 1, 0)) * len(position) / (2 * clip.duration)
         away = np.linalg.norm(velocity + travel, axis=-1)
         away = away / max(0.3 * float(np.linalg.norm(travel)), 2.0 * float(away.min()), 1e-12)
-    weight = np.maximum(1.0 - away, 0.0)
-    centre = np.angle(np.sum(weight * np.exp(2j * np.pi * np.arange(count) / count))) / (2 * np.pi) * count
-    frames = np.flatnonzero(weight > 0)
-    return int(frames[np.argmin(np.abs(np.mod(frames - centre + count / 2, count) - count / 2))])
+    return np.maximum(1.0 - away, 0.0)
 
 
 def _mean(rotation: np.ndarray) -> np.ndarray:
@@ -325,25 +330,28 @@ def _mean(rotation: np.ndarray) -> np.ndarray:
 def _levelled(clip: RawClip, feet: list[list[int]], motion: Motion, notes: list[str]) -> RawClip:
     """The clip as it would be on level ground, where its feet stand on different heights (stones, stairs).
 
-    The ground's height is known when each foot is in mid-stance; between these it is taken to change smoothly.
+    The ground's height is that of the planted feet, interpolated while there are none and smoothed over a tenth of
+    the cycle.
     """
     count = len(clip.position) - 1
-    stands = sorted((_mid_stance(clip, tips, motion.travel.get(clip.name)), tips) for tips in feet)
-    frames = np.array([frame for frame, _ in stands])
-    levels = np.array([clip.position[frame, tips, 1].min() for frame, tips in stands])
-    if len(stands) < 2 or np.ptp(levels) < UNEVEN * motion.height or len(set(frames)) < len(frames):
+    weight = np.stack([_planted(clip, tips, motion.travel.get(clip.name)) for tips in feet])
+    height = np.stack([clip.position[:-1, tips, 1].min(1) for tips in feet])
+    total = weight.sum(0)
+    told = np.flatnonzero(total > 0)
+    if len(told) == 0:
         return clip
-    notes.append(
-        f"clip '{clip.name}': its feet stand on levels {np.ptp(levels) / motion.height:.0%} of the height apart; evened"
-    )
-    at = np.arange(count + 1) % count
-    after = np.searchsorted(frames, at, side="right") % len(frames)
-    before = after - 1
-    span = np.mod(frames[after] - frames[before] - 1, count) + 1
-    share = 0.5 - 0.5 * np.cos(np.pi * np.mod(at - frames[before], count) / span)
-    ground = levels[before] * (1 - share) + levels[after] * share
-    shifted = clip.position - np.stack([0 * ground, ground, 0 * ground], -1)[:, None]
-    return replace(clip, position=shifted)
+    ground = np.sum(weight * height, 0)[told] / total[told]
+    ground = np.interp(np.arange(count), told, ground, period=count)
+    reach = max(1, round(0.05 * count))
+    kernel = np.hanning(2 * reach + 3)[1:-1]
+    padded = np.concatenate([ground[-reach:], ground, ground[:reach]])
+    ground = np.convolve(padded, kernel / kernel.sum(), "valid")
+    if np.ptp(ground) < UNEVEN * motion.height:
+        return clip
+    share = np.ptp(ground) / motion.height
+    notes.append(f"clip '{clip.name}': the ground under it rises and falls by {share:.0%} of the height; it was evened")
+    ground = np.append(ground, ground[0])
+    return replace(clip, position=clip.position - np.stack([0 * ground, ground, 0 * ground], -1)[:, None])
 
 
 def _facing_as(rest: np.ndarray, clip: RawClip, motion: Motion) -> RawClip:
