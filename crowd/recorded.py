@@ -47,15 +47,15 @@ class Stored:
 
 
 def _selection(chosen: range | int) -> slice | int:
-    """A slice forward by 1 that holds the range."""
+    """What to read for a range: the same places in increasing order."""
     if isinstance(chosen, int):
         return chosen
-    return slice(min(chosen), max(chosen) + 1) if chosen else slice(0, 0)
+    return slice(min(chosen), max(chosen) + 1, abs(chosen.step)) if chosen else slice(0, 0)
 
 
 def _steps(*chosen: range | int) -> tuple[slice, ...]:
-    """Pick a range's own order and steps out of what was read."""
-    return tuple(slice(None, None, part.step) for part in chosen if isinstance(part, range))
+    """Turn what was read for a range around where the range runs backward."""
+    return tuple(slice(None, None, -1 if part.step < 0 else 1) for part in chosen if isinstance(part, range))
 
 
 class StoredHerd(Mapping[str, Stored]):

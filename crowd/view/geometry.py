@@ -34,10 +34,14 @@ class Level:
     x: tuple[float, float] = (-np.inf, np.inf)
     z: tuple[float, float] = (-np.inf, np.inf)
     clarity: float = 1.3  # m of depth at which the bottom has almost gone
+    under: tuple[Level, ...] = ()  # surfaces that take the place of this one where they are
 
     def covers(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Whether the points x, z lie in the rectangle."""
-        return (x >= self.x[0]) & (x <= self.x[1]) & (z >= self.z[0]) & (z <= self.z[1])
+        """Whether the points x, z lie in the rectangle and in none of those that take its place."""
+        inside = (x >= self.x[0]) & (x <= self.x[1]) & (z >= self.z[0]) & (z <= self.z[1])
+        for other in self.under:
+            inside &= ~other.covers(x, z)
+        return inside
 
 
 @dataclass(frozen=True, eq=False)

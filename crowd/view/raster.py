@@ -58,17 +58,20 @@ def contact_sheet(
 ) -> Image.Image:
     """Pictures side by side, row by row, `columns` per row, each with its label and all under a title.
 
-    At least one picture; smaller ones stand at the top left of their place.
+    At least one picture; a column is as wide as its widest picture.
     """
-    width, height = max(image.width for image in images), max(image.height for image in images)
-    rows, top = -(-len(images) // columns), 28 if title else 0
-    sheet = Image.new("RGB", (columns * (width + gap_px) - gap_px, top + rows * (height + gap_px) - gap_px), "white")
+    columns = min(columns, len(images))
+    widths = [max(image.width for image in images[column::columns]) for column in range(columns)]
+    left = np.concatenate([[0], np.cumsum(np.add(widths, gap_px))]).astype(int).tolist()
+    height, top = max(image.height for image in images), 28 if title else 0
+    rows = -(-len(images) // columns)
+    sheet = Image.new("RGB", (left[-1] - gap_px, top + rows * (height + gap_px) - gap_px), "white")
     if title:
         ImageDraw.Draw(sheet).text((8, 4), title, font=ImageFont.load_default(17), fill=(31, 41, 51))
     for number, image in enumerate(images):
         text = labels[number] if number < len(labels) else ""
         shown = label(image, text, size_px=int(np.clip(height / 18, 11, 26))) if text else image
-        sheet.paste(shown, ((number % columns) * (width + gap_px), top + (number // columns) * (height + gap_px)))
+        sheet.paste(shown, (left[number % columns], top + (number // columns) * (height + gap_px)))
     return sheet
 
 

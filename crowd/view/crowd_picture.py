@@ -1,0 +1,161 @@
+"""Pictures of a run: the skinned crowd at chosen moments, as a whole and from near by."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from crowd import posing
+from crowd.recorded_scene import HerdLike, SceneLike, levels_of
+from crowd.types import Motion
+from crowd.view.camera import Camera, framing
+from crowd.view.geometry import Body, Geometry, Level
+from crowd.view.palette import character_colors
+from crowd.view.raster import draw
+
+MOST_TRIANGLES = 1_500_000  # in one picture; of larger crowds an even selection is drawn
+GROUP = 6  # characters in a close-up
+WIDE_VIEW, CLOSE_VIEW = (40.0, 17.0), (62.0, 9.0)  # azimuth from the direction of travel, elevation; degrees
+# Linear colour and clarity (m) by density in kg/m3: water, mud, goo.
+FLUIDS = ((1000.0, (0.008, 0.12, 0.23), 1.3), (1840.0, (0.16, 0.095, 0.05), 0.45), (2750.0, (0.10, 0.19, 0.03), 0.6))
+NEEDED = ("pose_position", "pose_orientation", "joint_rotation", "joint_translation")
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A moment and the group of characters that the close-up follows: (herd, character numbers)."""
+
+    frame: int
+    time: float
+
+
+def has_poses(run: Any) -> bool:
+    """Whether the run's arrays are enough to draw its characters."""
+    return all(name in arrays for arrays in run.herds.values() for name in NEEDED)
+
+
+def motion_at(herd: HerdLike, arrays: Any, frame: int, people: slice | int = slice(None)) -> Motion:
+    """Poses [n] of a herd at a recorded frame."""
+    position, orientation, rotation, translation = (np.asarray(arrays[name][frame, people], float) for name in NEEDED)
+    return Motion(position, orientation, rotation, translation, np.asarray(herd.scale, float)[people])
+
+
+def vertices_at(herd: HerdLike, arrays: Any, frame: int, people: slice | int = slice(None)) -> np.ndarray:
+    """World vertices [n, V, 3] of a herd's characters at a recorded frame."""
+    motion = motion_at(herd, arrays, frame, people)
+    rotation, position = posing.world_transforms(herd.archetype.skeleton, motion)
+    return posing.skin(herd.archetype.mesh, rotation, position, motion.scale)
+
+
+def bodies_at(run: Any, scene: SceneLike, frame: int, most: int = MOST_TRIANGLES) -> list[Body]:
+    """All herds at a recorded frame, each in its colour; of very large crowds every k-th character."""
+    total = sum(herd.count * len(herd.archetype.mesh.triangles) for herd in scene.herds)
+    stride = max(1, -(-total // most))
+    bodies = []
+    for number, herd in enumerate(scene.herds):
+        people = slice(0, herd.count, stride)
+        vertices = vertices_at(herd, run.herds[herd.name], frame, people)
+        color = character_colors(number, herd.count)[people]
+        bodies.append(Body(vertices, np.asarray(herd.archetype.mesh.triangles), color))
+    return bodies
+
+
+def surfaces(scene: SceneLike) -> list[Level]:
+    """Fluid surfaces of a scene as they are drawn, coloured by density."""
+    levels: list[Level] = []
+    for level in sorted(levels_of(scene), key=lambda each: -each["priority"]):
+        density = level["density_kg_m3"] or FLUIDS[0][0]
+        _, color, clarity = min(FLUIDS, key=lambda fluid: abs(fluid[0] - density))
+        x, z = (tuple(level[axis]) if level[axis] else (-np.inf, np.inf) for axis in ("x", "z"))
+        levels.append(Level(level["surface_m"], color, x, z, clarity, tuple(levels)))  # type: ignore[arg-type]
+    return levels
+
+
+def geometry_at(run: Any, scene: SceneLike, frame: int) -> Geometry:
+    """Everything to be seen at a recorded frame."""
+    return Geometry(bodies_at(run, scene, frame), scene.ground, surfaces(scene))
+
+
+def travel_azimuth(run: Any, scene: SceneLike, frames: Sequence[int]) -> float:
+    """Direction in degrees (0: +z, 90: +x) in which the crowd moves on average; 0 when it stands."""
+    desired = [np.asarray(run.herds[herd.name]["desired_velocity"][frame]) for herd in scene.herds for frame in frames]
+    mean = np.nanmean(np.concatenate(desired), 0) if desired else np.zeros(3)
+    return float(np.degrees(np.arctan2(mean[0], mean[2]))) if np.hypot(mean[0], mean[2]) > 1e-3 else 0.0
+
+
+def extent(herd: HerdLike, position: np.ndarray) -> np.ndarray:
+    """Points [n, 2, 3] at the feet and the top of characters at `position` [n, 3]."""
+    top = np.asarray(herd.archetype.height * np.asarray(herd.scale, float))[: len(position), None] * [0.0, 1.0, 0.0]
+    return np.stack([position, position + top], 1)
+
+
+def wide_camera(run: Any, scene: SceneLike, frames: Sequence[int], size: tuple[int, int]) -> Camera:
+    """A camera that sees every character at all these frames."""
+    clouds = [
+        extent(herd, np.asarray(run.herds[herd.name]["position"][frame], float)).reshape(-1, 3)
+        for herd in scene.herds
+        for frame in frames
+    ]
+    azimuth = travel_azimuth(run, scene, frames) + WIDE_VIEW[0]
+    return framing(np.concatenate(clouds), size, azimuth, WIDE_VIEW[1], fov_deg=24.0, margin=0.04)
+
+
+def close_group(run: Any, scene: SceneLike, herd: HerdLike, frames: Sequence[int]) -> np.ndarray:
+    """Numbers of the characters of a herd that a close-up shows: those at the edge towards the camera, together."""
+    azimuth = np.radians(travel_azimuth(run, scene, frames) + CLOSE_VIEW[0])
+    arrays = run.herds[herd.name]
+    alive = np.asarray(arrays["fault"][frames[-1]]) == 0
+    position = np.asarray(arrays["position"][frames[len(frames) // 2]], float)[:, [0, 2]]
+    alive &= np.isfinite(position).all(1)
+    if not alive.any():
+        alive[:] = True
+        position = np.nan_to_num(position)
+    toward = position @ np.array([np.sin(azimuth), np.cos(azimuth)])
+    lead = int(np.argmax(np.where(alive, toward, -np.inf)))
+    distance = np.where(alive, np.linalg.norm(position - position[lead], axis=1), np.inf)
+    return np.sort(np.argsort(distance, kind="stable")[: min(GROUP, int(alive.sum()))])
+
+
+def close_camera(
+    run: Any, scene: SceneLike, herd: HerdLike, group: np.ndarray, frame: int, size: tuple[int, int], azimuth: float
+) -> Camera:
+    """A camera that sees a group of a herd from near by."""
+    position = np.asarray(run.herds[herd.name]["position"][frame], float)
+    points = extent(herd, position)[group]
+    return framing(points, size, azimuth + CLOSE_VIEW[0], CLOSE_VIEW[1], fov_deg=24.0, margin=0.08)
+
+
+def nearest_frame(time: np.ndarray, moment: float) -> int:
+    """Recorded frame closest to a moment in s."""
+    return int(np.argmin(np.abs(np.asarray(time) - moment)))
+
+
+def crowd_pictures(
+    run: Any, scene: SceneLike, moments: Sequence[float], size: tuple[int, int] = (1600, 700), follow: str | None = None
+) -> list[tuple[float, Image.Image, Image.Image]]:
+    """For each moment in s: its time, the whole crowd (one camera for all moments) and a group from near by.
+
+    follow: name of the herd the close-ups show; default the first one. The close-up is 0.6 as wide. ValueError when the
+    run has no poses.
+    """
+    if not has_poses(run):
+        raise ValueError("poses were not recorded")
+    frames = sorted({nearest_frame(run.time, moment) for moment in moments})
+    herd = next((each for each in scene.herds if each.name == follow), scene.herds[0])
+    wide, near_size = wide_camera(run, scene, frames, size), (max(size[0] * 3 // 5, 1), size[1])
+    azimuth, group = travel_azimuth(run, scene, frames), close_group(run, scene, herd, frames)
+
+    def shot(frame: int) -> tuple[float, Image.Image, Image.Image]:
+        geometry = geometry_at(run, scene, frame)
+        near = close_camera(run, scene, herd, group, frame, near_size, azimuth)
+        return float(run.time[frame]), draw(geometry, wide, size), draw(geometry, near, near_size)
+
+    workers = min(len(frames), 4, os.cpu_count() or 1)
+    with ThreadPoolExecutor(max(workers, 1)) as pool:
+        return list(pool.map(shot, frames))
