@@ -1,9 +1,9 @@
 """A dog of 0.60 m at the withers and 28 kg, generated.
 
 Lengths and stance are those of a medium-large, long-legged breed, modelled by hand. Gaits: lateral-sequence walk, trot
-and transverse gallop with Hildebrand's (1965) phase offsets and the duty factors usual for their speeds; dogs walk up to
-about 1.2 m/s, trot to about 2.6 m/s. Digitigrade: what inverse kinematics calls ankle is the wrist and the hock, the
-foot below it stands on its toes.
+and transverse gallop with Hildebrand's (1965) phase offsets and the duty factors usual for their speeds (dogs walk up
+to about 1.2 m/s and trot to about 2.6 m/s). Digitigrade: what inverse kinematics calls ankle is the wrist and the
+hock, the foot below it stands on its toes.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ _CENTRE = {  # name: (parent, position standing, m)
     "back": ("loin", (0.0, 0.545, -0.010)),
     "chest": ("back", (0.0, 0.535, 0.120)),
     "neck": ("chest", (0.0, 0.560, 0.260)),
-    "neck_upper": ("neck", (0.0, 0.645, 0.360)),
-    "head": ("neck_upper", (0.0, 0.715, 0.430)),
+    "neck_upper": ("neck", (0.0, 0.640, 0.345)),
+    "head": ("neck_upper", (0.0, 0.708, 0.402)),
     "tail": ("pelvis", (0.0, 0.545, -0.365)),
     "tail_middle": ("tail", (0.0, 0.500, -0.445)),
     "tail_end": ("tail_middle", (0.0, 0.435, -0.510)),
 }
 _SIDE = {
-    "ear": ("head", (0.042, 0.765, 0.425)),
+    "ear": ("head", (0.042, 0.758, 0.392)),
     "scapula": ("chest", (0.050, 0.570, 0.190)),
     "upper_arm": ("scapula", (0.082, 0.420, 0.285)),
     "forearm": ("upper_arm", (0.085, 0.305, 0.170)),
@@ -83,7 +83,7 @@ class _Limb:
     front: float
     lift: Curve
     pitch: Curve
-    late: float = 1.0
+    follow: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class _Gait:
 def _leg(side: str, pair: tuple[str, ...]) -> LegJoints:
     back = -1.0 if pair is _FORE else 1.0  # elbows point back, stifles forward
     names = (f"{side}_{name}" for name in pair)
-    return LegJoints(*names, np.array([0.0, -_PAW, 0.0]), np.array([0.0, 0.0, back]))
+    return LegJoints(*names, np.array([0.0, -_PAW, 0.0]), np.array([0.0, -0.4, back]))
 
 
 def _own_phase(phase: np.ndarray, touchdown: float) -> np.ndarray:
@@ -120,7 +120,7 @@ def _step(poser: Poser, gait: _Gait) -> None:
                 half = np.where(own < gait.duty, own / gait.duty, 1.0 + (own - gait.duty) / (1.0 - gait.duty)) / 2.0
                 poser.turn(f"{side}_scapula", pitch(2.0 - gait.shoulder * np.cos(2 * np.pi * half)))
             stride = gait.speed * gait.cycle
-            path = FootPath(stride, z + limb.front, sign * x, gait.duty, limb.lift, limb.pitch, late=limb.late)
+            path = FootPath(stride, z + limb.front, sign * x, gait.duty, limb.lift, limb.pitch, follow=limb.follow)
             step_leg(poser, _leg(side, pair), path, own)
 
 
@@ -163,8 +163,8 @@ def _idle(skeleton: Skeleton) -> Clip:
 
 def _walk(skeleton: Skeleton) -> Clip:
     lift = spline((0, 0.25, 0.5, 0.8, 1), (0, 0.045, 0.055, 0.03, 0))
-    fore = _Limb((0.25, 0.75), 0.305, lift, periodic((0, 0.25, 0.45, 0.65, 0.77, 0.9), (4, 12, 2, -50, -85, -25)))
-    hind = _Limb((0.0, 0.5), 0.245, lift, periodic((0, 0.2, 0.45, 0.65, 0.77, 0.9), (22, 12, -4, -38, -42, 6)))
+    fore = _Limb((0.25, 0.75), 0.305, lift, periodic((0, 0.25, 0.45, 0.65, 0.77, 0.9), (4, 12, 2, -50, -85, -25)), 0.8)
+    hind = _Limb((0.0, 0.5), 0.245, lift, periodic((0, 0.2, 0.45, 0.65, 0.77, 0.9), (22, 12, -4, -38, -42, 6)), 0.9)
     gait = _Gait("walk", "walk", 1.1, 0.70, 0.65, fore, hind, 0.02, 11.0)
     phase = np.arange(_SAMPLES) / _SAMPLES
     wave = 2 * np.pi * phase
@@ -185,12 +185,12 @@ def _walk(skeleton: Skeleton) -> Clip:
 def _trot(skeleton: Skeleton) -> Clip:
     lift = spline((0, 0.25, 0.5, 0.8, 1), (0, 0.075, 0.095, 0.045, 0))
     fore = _Limb(
-        (0.5, 0.0), 0.295, lift, periodic((0, 0.2, 0.34, 0.45, 0.6, 0.76, 0.9), (4, 14, 0, -48, -100, -80, -18))
+        (0.5, 0.0), 0.265, lift, periodic((0, 0.2, 0.34, 0.45, 0.6, 0.76, 0.9), (4, 14, 0, -48, -100, -80, -18)), 0.5
     )
     hind = _Limb(
-        (0.0, 0.5), 0.24, lift, periodic((0, 0.18, 0.34, 0.45, 0.6, 0.8, 0.92), (20, 14, -8, -38, -55, -20, 10))
+        (0.0, 0.5), 0.24, lift, periodic((0, 0.18, 0.34, 0.45, 0.6, 0.8, 0.92), (20, 14, -8, -38, -55, -20, 10)), 0.6
     )
-    gait = _Gait("trot", "run", 2.2, 0.5, 0.45, fore, hind, 0.022, 12.0)
+    gait = _Gait("trot", "run", 2.2, 0.46, 0.45, fore, hind, 0.022, 12.0)
     phase = np.arange(_SAMPLES) / _SAMPLES
     wave = 2 * np.pi * phase
     poser = Poser(skeleton, _SAMPLES)
@@ -206,14 +206,15 @@ def _trot(skeleton: Skeleton) -> Clip:
 
 
 def _gallop(skeleton: Skeleton) -> Clip:
-    lift = spline((0, 0.15, 0.4, 0.7, 1), (0, 0.11, 0.17, 0.10, 0))
+    lift = spline((0, 0.15, 0.4, 0.7, 1), (0, 0.10, 0.16, 0.11, 0))
+    low = spline((0, 0.2, 0.5, 0.8, 1), (0, 0.07, 0.10, 0.06, 0))
     fore = _Limb(
-        (0.5, 0.6), 0.31, lift, periodic((0, 0.12, 0.2, 0.25, 0.4, 0.62, 0.85), (4, 14, -6, -45, -110, -95, -25))
+        (0.5, 0.6), 0.25, lift, periodic((0, 0.12, 0.2, 0.25, 0.4, 0.62, 0.85), (4, 14, -6, -45, -110, -95, -25)), 0.2
     )
     hind = _Limb(
-        (0.0, 0.1), 0.31, lift, periodic((0, 0.12, 0.2, 0.25, 0.4, 0.7, 0.9), (24, 14, -12, -40, -62, -25, 14))
+        (0.0, 0.1), 0.31, low, periodic((0, 0.12, 0.2, 0.25, 0.4, 0.7, 0.9), (24, 14, -12, -40, -50, -14, 16)), 0.3
     )
-    gait = _Gait("gallop", "run", 5.0, 0.40, 0.25, fore, hind, 0.045, 15.0)
+    gait = _Gait("gallop", "run", 5.0, 0.40, 0.25, fore, hind, 0.035, 15.0)
     phase = np.arange(_SAMPLES) / _SAMPLES
     wave = 2 * np.pi * phase
     poser = Poser(skeleton, _SAMPLES)
@@ -244,10 +245,10 @@ def _parts(at: dict[str, np.ndarray], index: dict[str, int]) -> list[Part]:
         trunk("loin", (0.497, -0.10), (0.508, -0.21), (0.090, 0.080), 0.92),
         trunk("back", (0.480, 0.02), (0.495, -0.10), (0.116, 0.092), 0.85),
         trunk("chest", (0.468, 0.18), (0.476, 0.04), (0.116, 0.121), 0.80),
-        trunk("neck", (0.525, 0.225), (0.635, 0.350), (0.094, 0.068), 0.82),
-        trunk("neck_upper", (0.640, 0.355), (0.695, 0.420), (0.068, 0.060), 0.88),
-        trunk("head", (0.725, 0.435), (0.718, 0.480), (0.062, 0.055), 1.0),
-        trunk("head", (0.702, 0.490), (0.690, 0.605), (0.042, 0.028), 0.9),
+        trunk("neck", (0.525, 0.225), (0.632, 0.338), (0.097, 0.072), 0.84),
+        trunk("neck_upper", (0.636, 0.342), (0.690, 0.395), (0.072, 0.064), 0.9),
+        trunk("head", (0.716, 0.405), (0.710, 0.455), (0.067, 0.060), 1.0),
+        trunk("head", (0.694, 0.465), (0.682, 0.565), (0.047, 0.034), 0.9),
         limb("tail", "tail_middle", (0.030, 0.024)),
         limb("tail_middle", "tail_end", (0.024, 0.019)),
         Part(index["tail_end"], tuple(at["tail_end"]), tuple(at["tail_end"] + [0.0, -0.085, -0.035]), (0.019, 0.011)),
@@ -261,43 +262,59 @@ def _parts(at: dict[str, np.ndarray], index: dict[str, int]) -> list[Part]:
         fore, hind = at[own("fore_paw")], at[own("hind_paw")]
         parts += [
             Part(
-                index[own("ear")], tuple(ear), tuple(ear + np.array([0.012 * sign, 0.075, -0.012])), (0.030, 0.006), (1, 1, 0.5)
+                index[own("ear")],
+                tuple(ear),
+                tuple(ear + np.array([0.012 * sign, 0.062, -0.010])),
+                (0.030, 0.008),
+                (1, 1, 0.5),
             ),
             Part(index["pelvis"], (0.045 * sign, 0.488, -0.25), (0.05 * sign, 0.475, -0.30), (0.078, 0.072)),
             limb(own("scapula"), own("upper_arm"), (0.050, 0.056), (0.8, 1, 1)),
             limb(own("upper_arm"), own("forearm"), (0.056, 0.043), (0.8, 1, 1)),
             limb(own("forearm"), own("wrist"), (0.038, 0.023), (0.85, 1, 1)),
             limb(own("wrist"), own("fore_paw"), (0.023, 0.024)),
-            Part(index[own("fore_paw")], tuple(fore), tuple(fore + np.array([0, -0.004, 0.04])), (0.027, 0.021), (1.2, 1, 1)),
+            Part(
+                index[own("fore_paw")],
+                tuple(fore),
+                tuple(fore + np.array([0, -0.004, 0.04])),
+                (0.027, 0.021),
+                (1.2, 1, 1),
+            ),
             limb(own("thigh"), own("shank"), (0.095, 0.060), (0.58, 1, 1)),
             Part(
                 index[own("thigh")],
-                tuple(at[own("thigh")] + [0.0, -0.03, -0.03]),
-                tuple(at[own("thigh")] + [0.0, -0.10, -0.01]),
-                (0.075, 0.06),
+                tuple(at[own("thigh")] + [0.0, -0.03, -0.010]),
+                tuple(at[own("thigh")] + [0.0, -0.10, 0.008]),
+                (0.066, 0.056),
                 (0.6, 1, 1),
             ),
             limb(own("shank"), own("hock"), (0.050, 0.024), (0.75, 1, 1)),
             limb(own("hock"), own("hind_paw"), (0.024, 0.023)),
-            Part(index[own("hind_paw")], tuple(hind), tuple(hind + np.array([0, -0.004, 0.04])), (0.026, 0.021), (1.2, 1, 1)),
+            Part(
+                index[own("hind_paw")],
+                tuple(hind),
+                tuple(hind + np.array([0, -0.004, 0.04])),
+                (0.026, 0.021),
+                (1.2, 1, 1),
+            ),
         ]
     return parts
 
 
 _STRIPS = (  # from the nose to the tail: middle (y, z), upward direction (y, z)
-    (0.690, 0.606, (1.0, 0.25)),
-    (0.702, 0.520, (1.0, 0.0)),
-    (0.718, 0.475, (1.0, -0.15)),
-    (0.712, 0.428, (1.0, -0.5)),
-    (0.650, 0.368, (0.8, -0.6)),
-    (0.575, 0.290, (0.8, -0.6)),
+    (0.682, 0.568, (1.0, 0.25)),
+    (0.692, 0.500, (1.0, 0.05)),
+    (0.706, 0.448, (1.0, -0.1)),
+    (0.706, 0.398, (1.0, -0.5)),
+    (0.645, 0.350, (0.8, -0.6)),
+    (0.575, 0.285, (0.8, -0.6)),
     (0.490, 0.235, (1.0, -0.3)),
     (0.468, 0.165, (1.0, 0.0)),
     (0.474, 0.085, (1.0, 0.0)),
     (0.485, -0.035, (1.0, 0.0)),
     (0.500, -0.165, (1.0, 0.0)),
-    (0.505, -0.250, (1.0, 0.0)),
-    (0.505, -0.330, (1.0, -0.1)),
+    (0.505, -0.262, (1.0, 0.0)),
+    (0.508, -0.345, (1.0, -0.05)),
     (0.534, -0.385, (0.87, -0.49)),
     (0.497, -0.448, (0.8, -0.6)),
     (0.430, -0.514, (0.6, -0.8)),
@@ -317,7 +334,7 @@ def _surface(parts: list[Part], at: dict[str, np.ndarray], index: dict[str, int]
     holes = {2: 1, 6: 3, 7: 3, 10: 3, 11: 3}  # strip: column left open for an ear or a leg
     for strip, (before, after) in enumerate(pairwise(rows)):
         loft.skin(before, after, skip=(holes[strip],) if strip in holes else ())
-    ends = np.array([[0.0, 0.688, 0.600], [0.0, 0.43, -0.514]])
+    ends = np.array([[0.0, 0.681, 0.560], [0.0, 0.43, -0.514]])
     ways = np.array([[0.0, -0.1, 1.0], [0.0, -0.9, -0.4]])
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     loft.cap(rows[0][::-1], loft.cast(ends[0], ways[:1])[0], closed=False)
@@ -325,7 +342,7 @@ def _surface(parts: list[Part], at: dict[str, np.ndarray], index: dict[str, int]
     ear = at["left_ear"]
     loft.limb(
         hole_border(rows[2:4], (1, 2)),
-        rings_along(ear, ear + np.array([0.012, 0.075, -0.012]), (0.35,)),
+        rings_along(ear, ear + np.array([0.012, 0.062, -0.010]), (0.35,)),
         joints("left_ear"),
         0.1,
     )
@@ -361,7 +378,7 @@ def _fore_rings(at: dict[str, np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]
 def _hind_rings(at: dict[str, np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]]:
     hip, stifle, hock, paw = (at[f"left_{name}"] for name in _HIND)
     return [
-        _across(hip + np.array([0.004, -0.110, 0.030]), -1.0, 0.0),
+        _across(hip + np.array([0.004, -0.100, 0.026]), -1.0, 0.0),
         _across(stifle + np.array([0.0, -0.002, -0.01]), -1.0, -0.45),
         *rings_along(stifle, hock, (0.38, 0.85)),
         *rings_along(hock, paw, (0.1, 0.6)),

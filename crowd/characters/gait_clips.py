@@ -62,6 +62,12 @@ def smoothstep(s: np.ndarray) -> np.ndarray:
     return s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
 
 
+def _end_slopes(s: np.ndarray) -> np.ndarray:
+    """0 at 0 and 1 with slope 1 at both: the quintic with no curvature at the ends."""
+    r = 1.0 - s
+    return s * r**3 * (1.0 + 3.0 * s) - r * s**3 * (1.0 + 3.0 * r)
+
+
 def turn(axis: np.ndarray, degrees: np.ndarray | float) -> np.ndarray:
     """Quaternions [..., 4] turning by degrees [...] about a unit axis [3]."""
     half = np.radians(np.asarray(degrees, float)) / 2.0
@@ -98,8 +104,9 @@ class FootPath:
     stride: speed × cycle, m. front: z of the contact point at touchdown, m, from the origin of the clip. side: its x.
     duty: fraction of the cycle on the ground. lift: height of the contact point over the swing (0 to 1), zero with zero
     slope at both ends. pitch: of the foot against its flat pose over the cycle, degrees, toes up positive. bend: of the
-    toes against the foot at toe-off, straightened over `relax` of the swing; on the ground the toes lie flat. late: above
-    1 the foot comes forward later in the swing.
+    toes against the foot at toe-off, straightened over `relax` of the swing; on the ground the toes lie flat. late:
+    above 1 the foot comes forward later in the swing. follow: share of the ground's speed the foot has as it leaves
+    the ground and as it lands.
     """
 
     stride: float
@@ -110,6 +117,7 @@ class FootPath:
     pitch: Curve
     relax: float = 0.4
     late: float = 1.0
+    follow: float = 1.0
 
     def contact(self, phase: np.ndarray) -> np.ndarray:
         """Contact point [F, 3]."""
@@ -117,7 +125,10 @@ class FootPath:
         swing = np.clip((phase - self.duty) / max(1.0 - self.duty, 1e-9), 0.0, 1.0)
         on_ground = self.front - self.stride * phase
         # Carried with the ground, plus a whole stride forward, at rest at both ends (C2): no jerk at touchdown.
-        along = on_ground + self.stride * smoothstep(swing**self.late)
+        forward = self.stride * smoothstep(swing**self.late)
+        # A foot that keeps less of the ground's speed leaves and lands with a jerk but swings out less far.
+        lag = self.stride * (1.0 - self.duty) * (1.0 - self.follow) * _end_slopes(swing)
+        along = on_ground + forward + np.where(phase < self.duty, 0.0, lag)
         height = np.where(phase < self.duty, 0.0, self.lift(swing))
         return np.stack([np.full(phase.shape, self.side), height, along], -1)
 
@@ -222,7 +233,10 @@ class Poser:
 
 @dataclass(frozen=True)
 class LegJoints:
-    """Names of a leg's joints and which way its middle joint points; contact: m, in the frame of `ball`."""
+    """Names of a leg's joints and which way its middle joint points; contact: m, in the frame of `ball`.
+
+    A foot of one joint has it as ankle and as ball.
+    """
 
     hip: str
     knee: str
@@ -234,10 +248,11 @@ class LegJoints:
 
 def step_leg(poser: Poser, leg: LegJoints, path: FootPath, phase: np.ndarray, outward: float = 0.0) -> None:
     """Put one leg of a poser on its foot path at phases [F]; outward: yaw of the foot, degrees."""
-    ankle_to_ball = poser.skeleton.rest_translation[poser.index[leg.ball]]
+    one = leg.ankle == leg.ball
+    ankle_to_ball = np.zeros(3) if one else poser.skeleton.rest_translation[poser.index[leg.ball]]
     heading = yaw(outward)
     foot = compose(heading, pitch(-path.pitch(phase % 1.0)))
-    toes = compose(foot, pitch(-path.toe_bend(phase)))
+    toes = foot if one else compose(foot, pitch(-path.toe_bend(phase)))
     ball = path.contact(phase) - posing.rotate(toes, np.broadcast_to(leg.contact, (len(phase), 3)))
     ankle = ball - posing.rotate(foot, np.broadcast_to(ankle_to_ball, ball.shape))
     poser.reach(leg.hip, leg.knee, leg.ankle, ankle, leg.pole)
