@@ -182,8 +182,8 @@ def _blocks(mesh: Mesh) -> tuple[np.ndarray, RigidMesh]:
     local = np.einsum("brc,bskc->bskr", mesh.inverse_bind[bones][:, :3], corners)
     local = np.where((index < 0)[..., None, None], 0.0, local)
     area = 0.5 * np.cross(local[:, :, 1] - local[:, :, 0], local[:, :, 2] - local[:, :, 0])
-    flat = local.transpose(0, 2, 1, 3).reshape(len(bones), -1, 3)  # corner-major
-    moments = np.concatenate([np.ones((len(bones), 1, flat.shape[1])), flat.transpose(0, 2, 1)], 1)
+    centroid = local.mean(2)  # [blocks, size, 3]
+    moments = np.concatenate([np.ones((len(bones), 1, BLOCK)), centroid.transpose(0, 2, 1)], 1)
     return bones, RigidMesh(
         _array(local.transpose(2, 3, 0, 1)[..., None]), _array(area.transpose(2, 0, 1)[..., None]), _array(moments)
     )

@@ -74,24 +74,18 @@ def rollout(
     """Up to `chunk` recorded frames (of `record_every` steps each), and no step beyond the `frames` still to go.
 
     Returns the states and, stacked over recorded frames, what `unpacked` reads. The program is the same for every
-    chunk of a run: steps that are no longer wanted are skipped, not compiled away.
+    chunk of a run: the number of steps is an argument.
     """
 
-    def advance(carry: Any, _: Any) -> tuple[Any, None]:
-        states, shown, left = carry
-
-        def go(states: Any, shown: Any) -> Any:
-            del shown
-            return one_frame(layout, assets, params, states, flag)
-
-        states, shown = jax.lax.cond(left > 0, go, lambda states, shown: (states, shown), states, shown)
-        return (states, shown, left - 1), None
+    def advance(_: Any, carry: Any) -> Any:
+        return one_frame(layout, assets, params, carry[0], flag)
 
     def recorded(carry: Any, _: Any) -> tuple[Any, Any]:
-        carry, _ = jax.lax.scan(advance, carry, None, length=layout.record_every)
-        states, shown, _ = carry
+        states, shown, left = carry
+        count = jnp.clip(left, 0, layout.record_every)
+        states, shown = jax.lax.fori_loop(0, count, advance, (states, shown))
         slim = tuple(_slim(state) for state in states)
-        return carry, tuple(zip(slim, shown, strict=True))
+        return (states, shown, left - count), tuple(zip(slim, shown, strict=True))
 
     blank = jax.tree.map(
         lambda leaf: jnp.zeros(leaf.shape, leaf.dtype),

@@ -4,8 +4,12 @@ Per triangle with area vector N (outward, length = area), wet share f of its are
 the centroid of its wet part:  projected wet area times |u| is p = f max(-N.u, 0);  F = p (C_D0 rho + B') u  with
 B' = (B / A_ref) / (|u|^2 + u_0^2)  in `area` mode, and Eq. 8 as printed, B per triangle, in `paper` mode.
 
-Two ways to move the mesh: `skinned` (every vertex, exact) and `rigid` (each triangle rides on one bone). Both return the
-same `Drag`. Positions are relative to any point; velocities are absolute minus the flow.
+Two ways to move the mesh: `skinned` (every vertex, exact) and `rigid` (each triangle rides on one bone; its wet area is
+exact, its velocity and centre are those of the whole triangle). Both return the same `Drag`. Positions are relative to
+any point; velocities are absolute minus the flow.
+
+These are the longest loops of a frame, hence written by component: an array `[3, ...]` taken apart inside a fused loop
+costs three times as much. Comparisons feed selects of numbers, never other comparisons: those do not vectorise.
 """
 
 from __future__ import annotations
@@ -19,7 +23,7 @@ from jaxtyping import Array, Float
 
 from kernels import quat
 from kernels.fluid import FADE_SPEED, REFERENCE_AREA, STILL_SPEED
-from kernels.vec import TINY, cross, dot
+from kernels.vec import TINY, cross
 from kernels.wall import Wall, no_wall
 
 Submersion = Literal["clipped", "centroid"]
@@ -44,50 +48,48 @@ class Drag(NamedTuple):
     slope: Array  # [*b] N s/m, sum of F_i / u_i: how the force falls as the whole body yields to the flow
 
 
-def wet_corners(d0: Array, d1: Array, d2: Array, submersion: Submersion) -> list[Array]:
-    """Weights of the three corners whose sum is the wet share of the triangle and whose mean is its wet centroid.
+def wet_corner(own: Array, one: Array, other: Array) -> Array:
+    """Integral of a corner's barycentric coordinate over the wet part of a triangle, per unit of the triangle's area.
 
-    d: depth of each corner, positive under water. Continuous in depth with `clipped`: at most one corner lies on its own
-    side of the surface, and what it cuts off is a triangle similar in no other way than sharing two edges.
+    own, one, other: depths of the corner and of the two others, positive under water. Over the three corners the values
+    sum to the wet share of the area and are the weights of its centroid. Continuous in depth, 1/3 or 0 away from the
+    surface. A dry corner is the complement of a wet one at mirrored depths; a wet corner has either the other two dry
+    (a small triangle with shares t and r of the two edges) or the lower of them (all but a small triangle there).
     """
     third = 1.0 / 3.0
-    if submersion == "centroid":
-        weight = jnp.where(d0 + d1 + d2 > 0, third, 0.0)
-        return [weight, weight, weight]
-    w0, w1, w2 = d0 > 0, d1 > 0, d2 > 0
-    odd0, odd1, odd2 = (w0 != w1) & (w0 != w2), (w1 != w0) & (w1 != w2), (w2 != w0) & (w2 != w1)
-
-    def crossing(da: Array, db: Array, wa: Array, wb: Array) -> Array:
-        """How far along the edge a -> b the surface lies; 0 where the edge does not cross it."""
-        cuts = wa != wb
-        return jnp.where(cuts, da / jnp.where(cuts, da - db, 1.0), 0.0)
-
-    t01, t12, t20 = crossing(d0, d1, w0, w1), crossing(d1, d2, w1, w2), crossing(d2, d0, w2, w0)
-    ahead = jnp.where(odd0, t01, jnp.where(odd1, t12, t20))  # from the odd corner to the next one
-    behind = jnp.where(odd0, 1.0 - t20, jnp.where(odd1, 1.0 - t01, 1.0 - t12))  # and to the previous one
-    cut = ahead * behind
-    own, following, previous = cut * (1.0 - (ahead + behind) * third), cut * ahead * third, cut * behind * third
-    corner = [
-        jnp.where(odd0, own, jnp.where(odd1, previous, following)),
-        jnp.where(odd0, following, jnp.where(odd1, own, previous)),
-        jnp.where(odd0, previous, jnp.where(odd1, following, own)),
-    ]
-    crossed = odd0 | odd1 | odd2
-    odd_is_wet = jnp.where(odd0, w0, jnp.where(odd1, w1, w2))
-    whole = jnp.where(w0, third, 0.0)
-    return [jnp.where(crossed, jnp.where(odd_is_wet, c, third - c), whole) for c in corner]
+    sign = jnp.where(own > 0, 1.0, -1.0)
+    own, one, other = own * sign + 1e-12, one * sign, other * sign
+    ordered = one < other
+    low, high = jnp.where(ordered, one, other), jnp.where(ordered, other, one)
+    low = jnp.where(low < 0, low, 0.0)
+    alone = high <= 0
+    t = own / (own - low)
+    r = jnp.where(alone, own, -low) / jnp.where(alone, own - high, high - low)
+    dry = 1.0 - t
+    share = jnp.where(alone, t * r * (1.0 - (t + r) * third), (1.0 - dry * dry * r) * third)
+    return 0.5 * third + sign * (share - 0.5 * third)
 
 
-def _force_factor(facing: Array, wet: Array, speed2: Array, fluid: Fluid, mode: OffsetMode, scale: Array) -> Array:
-    """F / (f u) of a triangle; facing = -N.(f u), wet = f, speed2 = |u|^2. `scale`: metres per length unit of N."""
-    relevant = (facing > 0) & (speed2 > STILL_SPEED**2)
+def wet_share(a: Array, b: Array, c: Array) -> Array:
+    """Share of a triangle's area under water; a, b, c: depths of its corners, positive under water."""
+    high, low = jnp.maximum(jnp.maximum(a, b), c), jnp.minimum(jnp.minimum(a, b), c)
+    middle = a + b + c - high - low
+    deep = middle > 0
+    tip = jnp.where(deep, low, high)  # the corner alone on its side of the surface
+    out = jnp.where(deep, jnp.minimum(low, 0.0), jnp.maximum(high, 0.0))
+    cut = out * out / ((high - low) * jnp.abs(middle - tip) + 1e-20)
+    return jnp.where(deep, 1.0 - cut, cut)
+
+
+def _factor(facing: Array, wet: Array, speed2: Array, fluid: Fluid, mode: OffsetMode, per_area: Array | float) -> Array:
+    """F / (f u) of a triangle. facing: -N.(f u); wet: f; speed2: |u|^2; per_area: m2 per unit of N times speed units."""
     fade = 1.0 / (speed2 + FADE_SPEED**2)
     if mode == "area":
         factor = facing * (fluid.density_drag + fluid.offset_force * (1.0 / REFERENCE_AREA) * fade)
     else:
-        speed = jnp.sqrt(speed2 + TINY)
-        factor = facing * fluid.density_drag + fluid.offset_force * speed * fade / (scale * scale * scale)
-    return jnp.where(relevant, factor / jnp.where(wet > 0, wet, 1.0), 0.0)
+        factor = facing * fluid.density_drag + fluid.offset_force * jnp.sqrt(speed2 + TINY) * fade / per_area
+    still = jnp.where(speed2 > STILL_SPEED**2, factor, 0.0)
+    return jnp.where(facing > 0, still, 0.0) / jnp.maximum(wet, 1e-6)
 
 
 def skinned(
@@ -99,43 +101,72 @@ def skinned(
     mode: OffsetMode = "area",
     wall: Wall = no_wall,
 ) -> Drag:
-    """Drag on moving vertices; `velocity` is that of the vertices less the flow, m/s. triangles [T, 3] are static."""
-    first, second, third = (np.ascontiguousarray(triangles[:, k]) for k in range(3))
+    """Drag on moving vertices; `velocity` is that of the vertices less the flow, m/s. triangles [T, 3] are static.
 
-    def corners(height: Array, surface: Array) -> Array:
-        depth = surface - height
-        return jnp.stack(wet_corners(depth[first], depth[second], depth[third], submersion))
+    Triangles go through in groups whose arrays stay in a core's cache (`no_wall`: all at once, as a GPU likes it).
+    """
 
-    def gathered(weight: Array, field: Array) -> Array:
-        return weight[0] * field[:, first] + weight[1] * field[:, second] + weight[2] * field[:, third]
+    def weights(corner: Array, vertices: Array, surface: Array) -> tuple[Array, ...]:
+        a, b, c = (surface - vertices[1, corner[k]] for k in range(3))
+        if submersion == "centroid":
+            share = jnp.where(a + b + c > 0, 1.0 / 3.0, 0.0)
+            return share, share, share
+        return wet_corner(a, b, c), wet_corner(b, c, a), wet_corner(c, a, b)
 
-    def factor(weight: Array, flow: Array, vertices: Array, fluid: Fluid) -> Array:
-        a = vertices[:, first]
-        area = 0.5 * cross(vertices[:, second] - a, vertices[:, third] - a)
+    def mean(corner: Array, weight: tuple[Array, ...], field: Array) -> tuple[Array, ...]:
+        """f times the field at the wet centroid."""
+        a, b, c = weight
+        return tuple(a * field[k, corner[0]] + b * field[k, corner[1]] + c * field[k, corner[2]] for k in range(3))
+
+    def factors(corner: Array, weight: tuple[Array, ...], slip: tuple[Array, ...], vertices: Array, fluid: Fluid):
+        ax, ay, az = (vertices[k, corner[0]] for k in range(3))
+        bx, by, bz = (vertices[k, corner[1]] for k in range(3))
+        cx, cy, cz = (vertices[k, corner[2]] for k in range(3))
+        bx, by, bz, cx, cy, cz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
+        sx, sy, sz = slip  # f times the velocity of the wet centroid through the fluid: -f u
+        facing = 0.5 * ((by * cz - bz * cy) * sx + (bz * cx - bx * cz) * sy + (bx * cy - by * cx) * sz)
         wet = weight[0] + weight[1] + weight[2]
-        safe = jnp.where(wet > 0, wet, 1.0)
-        speed2 = dot(flow, flow) / (safe * safe)
-        return _force_factor(-dot(area, flow), wet, speed2, fluid, mode, jnp.ones(()))
+        inverse = 1.0 / jnp.maximum(wet, 1e-6)
+        speed2 = (sx * sx + sy * sy + sz * sz) * (inverse * inverse)
+        return _factor(facing, wet, speed2, fluid, mode, 1.0)
 
-    def magnitudes(factor: Array, flow: Array, weight: Array) -> Array:
+    def magnitudes(factor: Array, weight: tuple[Array, ...], slip: tuple[Array, ...]) -> Array:
+        sx, sy, sz = slip
+        speed = jnp.sqrt(sx * sx + sy * sy + sz * sz + TINY)
+        return factor * speed / jnp.maximum(weight[0] + weight[1] + weight[2], 1e-6)
+
+    def sums(factor: Array, magnitude: Array, slip: tuple, centre: tuple, weight: tuple) -> Array:
         wet = weight[0] + weight[1] + weight[2]
-        return factor * jnp.sqrt(dot(flow, flow) + TINY) / jnp.where(wet > 0, wet, 1.0)
+        force = [-(factor * s).sum(0) for s in slip]
+        moment = [(magnitude * c).sum(0) for c in centre]
+        return jnp.stack([*force, (magnitude * wet).sum(0), *moment, (factor * wet).sum(0)])
 
-    def sums(factor: Array, magnitude: Array, flow: Array, centre: Array, weight: Array) -> Drag:
-        wet = weight[0] + weight[1] + weight[2]
-        return Drag(
-            jnp.stack([(factor * flow[k]).sum(0) for k in range(3)]),
-            (magnitude * wet).sum(0),
-            jnp.stack([(magnitude * centre[k]).sum(0) for k in range(3)]),
-            (factor * wet).sum(0),
-        )
+    def group(total: Array, corner: Array) -> tuple[Array, None]:
+        weight = wall(weights, corner, vertices, fluid.surface)
+        slip = wall(mean, corner, weight, velocity)
+        centre = wall(mean, corner, weight, vertices)
+        factor = wall(factors, corner, weight, slip, vertices, fluid)
+        magnitude = wall(magnitudes, factor, weight, slip)
+        return total + wall(sums, factor, magnitude, slip, centre, weight), None
 
-    weight = wall(corners, vertices[1], fluid.surface)
-    flow = wall(lambda weight, velocity: -gathered(weight, velocity), weight, velocity)  # f u
-    centre = wall(gathered, weight, vertices)  # f c
-    per_flow = wall(factor, weight, flow, vertices, fluid)
-    magnitude = wall(magnitudes, per_flow, flow, weight)  # |F| / f
-    return wall(sums, per_flow, magnitude, flow, centre, weight)
+    zero = jnp.zeros((8, *vertices.shape[2:]), vertices.dtype)
+    if wall is no_wall:
+        total, _ = group(zero, jnp.asarray(triangles.T))
+    else:
+        total, _ = jax.lax.scan(group, zero, jnp.asarray(_grouped(triangles)))
+    return Drag(total[:3], total[3], total[4:7], total[7])
+
+
+GROUP = 80  # triangles whose arrays for 128 characters fit a 1 MiB cache
+
+
+def _grouped(triangles: np.ndarray) -> np.ndarray:
+    """[groups, 3, GROUP]; the padding repeats one vertex three times: no area, no force."""
+    groups = max(1, -(-len(triangles) // GROUP))
+    size = -(-len(triangles) // groups)
+    padded = np.zeros((groups * size, 3), np.int32)
+    padded[: len(triangles)] = triangles
+    return padded.reshape(groups, size, 3).transpose(0, 2, 1)
 
 
 class RigidMesh(NamedTuple):
@@ -143,7 +174,7 @@ class RigidMesh(NamedTuple):
 
     corners: Array  # [3 corners, 3, blocks, size, 1]
     area: Array  # [3, blocks, size, 1] area vector; zero for padding
-    moments: Array  # [blocks, 4, 3 size]: rows 1, x, y, z of the corners, corner-major
+    moments: Array  # [blocks, 4, size]: rows 1, x, y, z of the centroids
 
 
 def rigid(
@@ -167,45 +198,39 @@ def rigid(
         """Into the bone's frame and its length unit: velocity (3), spin (3), up (3), depth of the origin."""
         back = quat.conjugate(transforms[:4])
         up = quat.rotate(back, jnp.zeros_like(transforms[4:]).at[1].set(1.0))
-        return jnp.concatenate(
-            [
-                quat.rotate(back, velocity[:3]) / scale,
-                velocity[3:],
-                up,
-                ((surface - transforms[5]) / scale)[None],
-            ]
-        )
+        depth = (surface - transforms[5]) / scale
+        return jnp.concatenate([quat.rotate(back, velocity[:3]) / scale, velocity[3:], up, depth[None]])
 
-    def weights(bone: Array) -> Array:
-        depth = [bone[9] - dot(bone[6:9], mesh.corners[k]) for k in range(3)]
-        return jnp.stack(wet_corners(*depth, submersion))
+    def shares(bone: Array) -> Array:
+        ux, uy, uz, depth = bone[6:]
+        a, b, c = (depth - ux * x - uy * y - uz * z for x, y, z in mesh.corners)
+        if submersion == "centroid":
+            return jnp.where(a + b + c > 0, 1.0, 0.0)
+        return wet_share(a, b, c)
 
-    def flow(bone: Array, weight: Array) -> tuple[Array, Array]:
-        wet = weight[0] + weight[1] + weight[2]
-        centre = weight[0] * mesh.corners[0] + weight[1] * mesh.corners[1] + weight[2] * mesh.corners[2]
-        return -(wet * bone[:3] + cross(bone[3:6], centre)), wet
+    def slip(bone: Array) -> tuple[Array, Array, Array]:
+        """Velocity of each centroid through the fluid: -u."""
+        vx, vy, vz, wx, wy, wz = bone[:6]
+        x, y, z = ((mesh.corners[0, k] + mesh.corners[1, k] + mesh.corners[2, k]) * (1.0 / 3.0) for k in range(3))
+        return vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
 
-    def factor(bone: Array, weight: Array, fluid: Fluid, scale: Array) -> Array:
-        relative, wet = flow(bone, weight)
-        safe = jnp.where(wet > 0, wet, 1.0)
-        speed2 = dot(relative, relative) * (scale * scale) / (safe * safe)
-        return _force_factor(-dot(mesh.area, relative), wet, speed2, fluid, mode, scale)
+    def factors(bone: Array, wet: Array, fluid: Fluid, scale: Array) -> Array:
+        sx, sy, sz = slip(bone)
+        nx, ny, nz = mesh.area
+        speed2 = (sx * sx + sy * sy + sz * sz) * (scale * scale)
+        facing = (nx * sx + ny * sy + nz * sz) * wet
+        return _factor(facing, jnp.ones_like(wet), speed2, fluid, mode, scale * scale * scale)
 
-    def magnitudes(factor: Array, bone: Array, weight: Array) -> Array:
-        relative, wet = flow(bone, weight)
-        return factor * jnp.sqrt(dot(relative, relative) + TINY) / jnp.where(wet > 0, wet, 1.0)
+    def magnitudes(factor: Array, bone: Array) -> Array:
+        sx, sy, sz = slip(bone)
+        return factor * jnp.sqrt(sx * sx + sy * sy + sz * sz + TINY)
 
-    def spread(weight: Array, share: Array) -> Array:
-        """[blocks, 3 size, *b], corner-major."""
-        return jnp.concatenate([weight[k] * share for k in range(3)], 1)
-
-    def moments(spread: Array) -> Array:
-        flat = spread.reshape(*spread.shape[:2], -1)
+    def moments(factor: Array) -> Array:
+        flat = factor.reshape(*factor.shape[:2], -1)
         product = jax.lax.dot_general(mesh.moments, flat, (((2,), (1,)), ((0,), (0,))))
-        return jnp.moveaxis(product, 1, 0).reshape(4, spread.shape[0], *spread.shape[2:])
+        return jnp.moveaxis(product, 1, 0).reshape(4, factor.shape[0], *factor.shape[2:])
 
     def assembled(s: Array, m: Array, bone: Array, transforms: Array, scale: Array) -> Array:
-        bone = bone[:, :, 0]
         square = scale * scale
         force = -(bone[:3] * s[0] + cross(bone[3:6], s[1:])) * (square * square)
         magnitude = m[0] * (square * square)
@@ -213,11 +238,13 @@ def rigid(
         slope = s[0] * (square * scale)
         return jnp.concatenate([quat.rotate(transforms[:4], force), magnitude[None], moment, slope[None]])
 
-    bone = wall(carried, transforms, velocity, scale, fluid.surface)[:, bones][:, :, None]
-    weight = wall(weights, bone)
-    share = wall(factor, bone, weight, fluid, scale)
-    magnitude = wall(magnitudes, share, bone, weight)
-    s = wall(moments, wall(spread, weight, share))
-    m = wall(moments, wall(spread, weight, magnitude))
-    total = wall(lambda blocks: blocks.sum(1), wall(assembled, s, m, bone, transforms[:, bones], scale))
+    carried_bones = wall(carried, transforms, velocity, scale, fluid.surface)
+    bone = wall(lambda carried: carried[:, bones], carried_bones)
+    wide = bone[:, :, None]
+    wet = wall(shares, wide)
+    factor = wall(factors, wide, wet, fluid, scale)
+    magnitude = wall(magnitudes, factor, wide)
+    s, m = wall(moments, factor), wall(moments, magnitude)
+    blocks = wall(assembled, s, m, bone, transforms[:, bones], scale)
+    total = wall(lambda blocks: blocks.sum(1), blocks)
     return Drag(total[:3], total[3], total[4:7], total[7])

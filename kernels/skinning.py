@@ -9,16 +9,16 @@ from jaxtyping import Array, Float
 from kernels import quat
 
 
-def bone_columns(transforms: Float[Array, "7 joints *b"], scale: Float[Array, "*b"]) -> Float[Array, "joints 4 3 *b"]:
+def bone_columns(transforms: Float[Array, "7 joints *b"], scale: Float[Array, "*b"]) -> Float[Array, "4 3 joints *b"]:
     """Columns of each bone's 3x4 matrix: three scaled axes, then the position."""
-    axes = jnp.moveaxis(quat.matrix(transforms[:4]), 2, 0) * scale
-    return jnp.concatenate([axes, jnp.moveaxis(transforms[4:], 1, 0)[:, None]], 1)
+    axes = quat.matrix(transforms[:4]) * scale
+    return jnp.concatenate([axes, transforms[None, 4:]])
 
 
 def skin(
     bones: np.ndarray,
     local: Float[Array, "influences 4 vertices"],
-    columns: Float[Array, "joints 4 3 *b"],
+    columns: Float[Array, "4 3 joints *b"],
 ) -> Float[Array, "3 vertices *b"]:
     """Vertices of the blended mesh, in the frame of the bones.
 
@@ -29,9 +29,8 @@ def skin(
     batch = (1,) * (columns.ndim - 3)
     out = None
     for k in range(bones.shape[1]):
-        column = columns[bones[:, k]]
         for c in range(4):
-            term = local[k, c].reshape(-1, 1, *batch) * column[:, c]
+            term = local[k, c].reshape(-1, *batch) * columns[c][:, bones[:, k]]
             out = term if out is None else out + term
     assert out is not None
-    return jnp.moveaxis(out, 1, 0)
+    return out
