@@ -214,7 +214,7 @@ def _seconds(data: Sampled) -> tuple[np.ndarray, np.ndarray]:
     relative = np.where(moving, np.sum(velocity * desired, -1) / np.where(moving, asked, 1.0) ** 2, np.nan)
     span = max(1, round(1.0 / max(float(np.median(np.diff(data.time))), 1e-6))) if len(data.time) > 1 else 1
     whole = len(relative) // span * span
-    cut = (whole // span, span, -1)
+    cut = (whole // span, span, relative.shape[1])
     speed_mean, depth_mean = relative[:whole].reshape(cut).mean(1), data["depth"][:whole].reshape(cut).mean(1)
     fine = np.isfinite(speed_mean) & np.isfinite(depth_mean)
     return speed_mean[fine], depth_mean[fine]
