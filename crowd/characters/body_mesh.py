@@ -130,7 +130,7 @@ def guess_radii(parents: Sequence[int], positions: np.ndarray) -> np.ndarray:
     trunk = np.zeros(count, bool)
     for joint in reversed(range(count)):
         trunk[joint] = large[joint] >= 2 or any(trunk[k] for k in children[joint])
-    for joint in np.flatnonzero(trunk):
+    for joint in np.flatnonzero(trunk).tolist():
         limbs = [k for k in children[joint] if not trunk[k]]
         reach = max((_bone(positions, k, joint) for k in limbs if chain[k] > 0.2 * size), default=0.0)
         radii[joint] = np.clip(0.75 * reach, 0.06 * size, 0.09 * size)

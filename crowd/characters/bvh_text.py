@@ -249,7 +249,7 @@ def _motion(
     count, at_count = _header(path, body, 0, "Frames", start + 1)
     time, at_time = _header(path, body, 1, "Frame Time", start + 1)
     problems = []
-    if count != int(count) or not 1 <= count <= MAX_FRAMES:
+    if not 1 <= count <= MAX_FRAMES or count != int(count):
         problems.append(Problem(f"{path.name}:{at_count}", f"Frames: {count:g}; allowed: 1 to {MAX_FRAMES}"))
     if not 1e-4 <= time <= 1.0:
         problems.append(

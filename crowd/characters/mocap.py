@@ -132,7 +132,7 @@ def find_up(raw: RawRig, where: str) -> tuple[str, bool]:
             upside_down = 0.3 if legs < head else 0.0
             ranks.append((ragged + flat + convention + upside_down, f"{'+' if sign > 0 else '-'}{'xyz'[axis]}"))
     ranks.sort()
-    return ranks[0][1], ranks[1][0] - ranks[0][0] > 0.05
+    return ranks[0][1], bool(ranks[1][0] - ranks[0][0] > 0.05)
 
 
 def _steady(clip: RawClip) -> np.ndarray:

@@ -1,0 +1,141 @@
+"""Synthetic BVH text for tests: a walker whose speed and stride are known, and a minimal file to break."""
+
+from __future__ import annotations
+
+import numpy as np
+
+MINIMAL = """HIERARCHY
+ROOT Hips
+{
+  OFFSET 0 0 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT Leg
+  {
+    OFFSET 1 -2 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    End Site
+    {
+      OFFSET 0 -3 0
+    }
+  }
+}
+MOTION
+Frames: 2
+Frame Time: 0.1
+0 10 0 0 0 0 0 0 0
+1 10 0 0 0 0 90 0 0
+"""
+
+# name, parent, offset (m, y up, +z forward), end site
+WALKER: tuple[tuple[str, str, tuple[float, float, float], tuple[float, float, float] | None], ...] = (
+    ("hips", "", (0, 0.9, 0), None),
+    ("l_thigh", "hips", (0.1, 0, 0), None),
+    ("l_shin", "l_thigh", (0, -0.45, 0), None),
+    ("l_foot", "l_shin", (0, -0.4, 0), None),
+    ("l_toe", "l_foot", (0, -0.05, 0.15), (0, 0, 0.06)),
+    ("r_thigh", "hips", (-0.1, 0, 0), None),
+    ("r_shin", "r_thigh", (0, -0.45, 0), None),
+    ("r_foot", "r_shin", (0, -0.4, 0), None),
+    ("r_toe", "r_foot", (0, -0.05, 0.15), (0, 0, 0.06)),
+    ("spine", "hips", (0, 0.2, 0), None),
+    ("chest", "spine", (0, 0.25, 0), None),
+    ("head", "chest", (0, 0.2, 0), (0, 0.2, 0)),
+    ("l_arm", "chest", (0.2, 0.1, 0), None),
+    ("l_forearm", "l_arm", (0.05, -0.28, 0), None),
+    ("l_hand", "l_forearm", (0, -0.25, 0.02), (0, -0.15, 0)),
+    ("r_arm", "chest", (-0.2, 0.1, 0), None),
+    ("r_forearm", "r_arm", (-0.05, -0.28, 0), None),
+    ("r_hand", "r_forearm", (0, -0.25, 0.02), (0, -0.15, 0)),
+)
+
+
+def walker(
+    speed: float = 1.2,
+    period: float = 1.1,
+    seconds: float = 4.0,
+    rate: float = 60.0,
+    unit: float = 1.0,
+    up: str = "y",
+    turn_deg_s: float = 0.0,
+    climb: float = 0.0,
+    heading_deg: float = 0.0,
+    tpose: bool = False,
+    tabs: bool = False,
+) -> str:
+    """A person walking at `speed` m/s with a stride of `period` s; unit: metres per file unit, turn: to the left."""
+    frames = round(seconds * rate) + 1
+    t = np.arange(frames) / rate
+    phase = 2 * np.pi * t / period
+    yaw = np.radians(heading_deg + turn_deg_s * t)
+    path = np.zeros((frames, 3))
+    step = speed / rate
+    path[1:, 0] = np.cumsum(step * np.sin((yaw[1:] + yaw[:-1]) / 2))
+    path[1:, 2] = np.cumsum(step * np.cos((yaw[1:] + yaw[:-1]) / 2))
+    path[:, 1] = climb * t + 0.015 * np.cos(2 * phase)
+    angles = {name: np.zeros(frames) for name, *_ in WALKER}
+    swing = 0.45 * speed / 1.2
+    for side, shift in (("l", 0.0), ("r", np.pi)):
+        angles[f"{side}_thigh"] = -np.degrees(swing * np.cos(phase + shift))
+        lifted = np.maximum(-np.sin(phase + shift), 0) ** 2
+        angles[f"{side}_shin"] = np.degrees(0.1 + 0.9 * lifted)
+        angles[f"{side}_foot"] = -angles[f"{side}_thigh"] - angles[f"{side}_shin"]
+        angles[f"{side}_arm"] = np.degrees(0.3 * np.cos(phase + shift))
+    rows = []
+    for f in range(frames):
+        row = [*(path[f] / unit), np.degrees(yaw[f])]
+        row[0], row[1], row[2] = row[0], row[1] + 0.9 / unit, row[2]
+        row += [angles[name][f] for name, *_ in WALKER[1:]]
+        rows.append(row)
+    if tpose:
+        rows.insert(0, [0.0, 0.9 / unit, 0.0, 0.0] + [0.0] * (len(WALKER) - 1))
+    return _text(rows, rate, unit, up, tabs, tpose)
+
+
+def _text(rows: list[list[float]], rate: float, unit: float, up: str, tabs: bool, tpose: bool) -> str:
+    lines: list[str] = ["HIERARCHY"]
+    order: list[int] = []
+    indent = "\t" if tabs else "  "
+
+    def along(v: tuple[float, float, float]) -> str:
+        x, y, z = (c / unit for c in v)
+        return f"{x:.6f} {y:.6f} {z:.6f}" if up == "y" else f"{x:.6f} {-z:.6f} {y:.6f}"
+
+    def write(index: int, depth: int) -> None:
+        name, parent, offset, end = WALKER[index]
+        pad = indent * depth
+        yaw = "Yrotation" if up == "y" else "Zrotation"
+        lines.append(f"{pad}{'JOINT' if parent else 'ROOT'} {name}")
+        lines.append(pad + "{")
+        lines.append(f"{pad}{indent}OFFSET {along(offset) if parent else along((0, 0, 0))}")
+        if parent:
+            channels = "Zrotation Xrotation Yrotation" if "arm" in name else "Xrotation"
+        else:
+            channels = f"{yaw} Xposition Yposition Zposition"
+        lines.append(f"{pad}{indent}CHANNELS {len(channels.split())} {channels}")
+        order.append(index)
+        for child in range(len(WALKER)):
+            if WALKER[child][1] == name:
+                write(child, depth + 1)
+        if end:
+            lines.append(f"{pad}{indent}End Site")
+            lines.append(f"{pad}{indent}" + "{")
+            lines.append(f"{pad}{indent}{indent}OFFSET {along(end)}")
+            lines.append(f"{pad}{indent}" + "}")
+        lines.append(pad + "}")
+
+    write(0, 0)
+    lines += ["MOTION", f"Frames:{indent}{len(rows)}", f"Frame Time: {1 / rate:.7f}"]
+    for number, row in enumerate(rows):
+        x, y, z, yaw, *rest = row
+        values = [yaw, x, y, z] if up == "y" else [yaw, x, -z, y]
+        for index in order[1:]:
+            name = WALKER[index][0]
+            if "arm" in name:
+                raised = (
+                    (90.0 if name == "l_arm" else -90.0 if name == "r_arm" else 0.0) if tpose and number == 0 else 0.0
+                )
+                values += [raised if up == "y" else 0.0, rest[index - 1], 0.0 if up == "y" else -raised]
+            else:
+                values.append(rest[index - 1])
+        lines.append(" ".join(f"{value:.6f}" for value in values))
+    return ("\r\n" if tabs else "\n").join(lines) + "\n"
