@@ -55,7 +55,7 @@ def measure(run: RunLike, most: int = MOST_CHARACTERS) -> list[Row]:
     """All measures of a run; quantities without a sample (drag of a dry herd) are left out.
 
     foot_slide_handle, _sole, _ankle (mm per stance): the planted foot handle's largest distance from where it was
-    planted; horizontally that of the contact point of the posed foot; that of the ankle while the foot is flat.
+    planted; horizontally that of the contact point of the posed foot; that of the ankle while the foot lies flat.
     speed (m/s), relative_speed (over the desired speed, along it): per character over whole gait cycles.
     drag_force (N), drag_power (W), lean (deg): per character, mean over time. step_length (m): half a stride, per
     stride; step_frequency (1/s): per character. over_reach (mm): largest per character; over_reach_share: frames and
@@ -164,13 +164,13 @@ def _block(herd: HerdLike, part: slice, arrays: _Reader, time: np.ndarray) -> It
 
 def _feet(arrays: _Reader, alive: np.ndarray, band: np.ndarray, size: np.ndarray, time: np.ndarray) -> Iterator[Sample]:
     stances = find_stances(arrays["contact"], alive)
-    handle, ankle = arrays["handle"], arrays["ankle"]
+    handle = arrays["handle"]
     kept = to_measure(stances)
     middle = band[(kept.first + kept.last) // 2, kept.character]
     slides = {
         "foot_slide_handle": travel(kept, handle, horizontal=False),
         "foot_slide_sole": travel(kept, arrays["ball"]),
-        "foot_slide_ankle": flat_travel(kept, ankle, handle, size),
+        "foot_slide_ankle": flat_travel(kept, arrays["ankle"], time, size),
     }
     for quantity, values in slides.items():
         yield from _by_band(quantity, "mm", 1000 * values, middle)

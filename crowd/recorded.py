@@ -18,7 +18,7 @@ from crowd.types import Archetype, Leg, Mesh, Skeleton
 
 @dataclass(frozen=True)
 class Stored:
-    """An array [time, character, ...] on disk; index time and then characters by integers or slices."""
+    """An array [time, character, ...] on disk; index time and characters by integers or slices."""
 
     array: zarr.Array
     frames: int
@@ -37,10 +37,12 @@ class Stored:
         return self.frames
 
     def __getitem__(self, key: Any) -> np.ndarray:
-        time, people = key if isinstance(key, tuple) else (key, slice(None))
+        keys = key if isinstance(key, tuple) else (key,)
+        time, people, *rest = keys if len(keys) > 1 else (*keys, slice(None))
         rows = range(self.frames)[time]
         columns = range(self.first, self.first + self.count)[people]
-        return np.asarray(self.array[_selection(rows), _selection(columns)])[_steps(rows, columns)]
+        read = np.asarray(self.array[_selection(rows), _selection(columns)])
+        return read[(*_steps(rows, columns), *rest)]
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         return np.asarray(self[:], dtype)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-FLAT = 0.005  # m above the lowest ankle of a stance up to which the foot counts as flat, times the character's size
+FLAT_RATE = 0.02  # m/s of the ankle's height, times the character's size, below which the foot counts as flat
+FLAT_TIME = 0.1  # s, shorter pauses are none
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,24 +73,31 @@ def travel(stances: Stances, points: np.ndarray, horizontal: bool = True) -> np.
     return np.maximum.reduceat(np.linalg.norm(place - place[start[stance]], axis=-1), start)
 
 
-def flat_travel(stances: Stances, ankle: np.ndarray, handle: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Horizontal travel [S] in m of the ankle [t, n, legs, 3] while the foot is flat.
+def flat_travel(stances: Stances, ankle: np.ndarray, time: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Horizontal travel [S] in m of the ankle [t, n, legs, 3] while the foot lies flat; NaN where it never does.
 
-    Flat: the ankle's height over the foot handle is within FLAT times the character's `size` [n] of its lowest in the
-    stance, so neither the landing nor the rising heel counts. Distance from the first such frame.
+    Flat: the longest time in the stance during which the height of the ankle changes by less than FLAT_RATE times the
+    character's `size` [n], so neither the landing nor the rising heel counts; an animal on its toes has no such time.
+    Largest distance from where the ankle was when that time began.
     """
     if len(stances) == 0:
         return np.zeros(0)
     stance, frame, start = stances.frames()
-    where = (frame, stances.character[stance], stances.leg[stance])
-    place = ankle[where].astype(float)
-    height = place[:, 1] - handle[where][:, 1]
-    lowest = np.minimum.reduceat(height, start)
-    flat = height <= (lowest + FLAT * size[stances.character])[stance]
+    place = ankle[frame, stances.character[stance], stances.leg[stance]].astype(float)
+    pause = np.diff(time[frame])
+    limit = FLAT_RATE * size[stances.character[stance[1:]]] * pause
+    calm = (np.diff(stance) == 0) & (np.abs(np.diff(place[:, 1])) < limit)
+    # Frames joined by calm steps form a run; in each stance the longest one (the first of equals) is the flat one.
+    run = np.concatenate([[0], np.cumsum(~calm)])
+    length = np.bincount(run)[run]
+    longest = np.maximum.reduceat(length, start)
     number = np.arange(len(stance))
-    origin = np.minimum.reduceat(np.where(flat, number, len(stance) - 1), start)
+    origin = np.minimum.reduceat(np.where(length == longest[stance], number, len(stance)), start)
+    inside = run == run[origin][stance]
     moved = np.linalg.norm((place - place[origin[stance]])[:, [0, 2]], axis=-1)
-    return np.maximum.reduceat(np.where(flat, moved, 0.0), start)
+    lasted = time[frame[origin + longest - 1]] - time[frame[origin]]
+    travelled = np.maximum.reduceat(np.where(inside, moved, 0.0), start)
+    return np.where(lasted >= FLAT_TIME - 1e-9, travelled, np.nan)
 
 
 def strides(

@@ -14,6 +14,7 @@ from crowd.view.zbuffer import edge_functions
 WET = np.array([0.66, 0.64, 0.60], np.float32)  # factor on the ground's colour under water
 ABSORB = np.array([1.35, 0.75, 0.62], np.float32)  # of red, green, blue: what makes deep water blue
 SHEEN = np.array([0.008, 0.018, 0.026], np.float32)  # light scattered back by the water just below its surface
+DRY = 0.004  # m under the surface up to which the ground is still drawn dry: level ground and surface do not flicker
 F32 = np.float32
 
 
@@ -111,7 +112,7 @@ class Shader:
             tone *= np.sqrt(open_sky[on_ground])
         albedo[on_ground] *= tone[:, None]
         for level in self.geometry.levels:
-            wet = on_ground & (points[:, 1] < level.height) & level.covers(points[:, 0], points[:, 2])
+            wet = on_ground & (points[:, 1] < level.height - DRY) & level.covers(points[:, 0], points[:, 2])
             albedo[wet] *= WET
         rim = np.where(on_ground, F32(0.0), F32(0.10) * (1.0 - np.abs(cosine)) ** 3)
         color = albedo * diffuse(normal, lit, open_sky) + rim[:, None] * HORIZON.astype(F32)
@@ -132,8 +133,7 @@ class Shader:
         """Lay a fluid surface over the band, in place: what is below is tinted by its depth, the sky is mirrored."""
         with np.errstate(divide="ignore", invalid="ignore"):
             along = F32(level.height - self.camera.eye[1]) / rays[:, 1]
-            # Ground that lies level with the surface (to 4 mm) is dry.
-            over = (distance - along) * np.abs(rays[:, 1]) > F32(0.004)
+            over = (distance - along) * np.abs(rays[:, 1]) > F32(DRY)
             pixel = np.nonzero((along > NEAR) & (along < 1e5) & over)[0]
         ray, reach = rays[pixel], along[pixel]
         x, z = F32(self.camera.eye[0]) + ray[:, 0] * reach, F32(self.camera.eye[2]) + ray[:, 2] * reach

@@ -107,14 +107,22 @@ def test_stances_of_hand_made_contacts():
     assert duration == pytest.approx([0.4])
 
 
-def test_rising_heel_is_no_slide():
-    contact = np.zeros((10, 1, 1), bool)
-    contact[1:9] = True
-    stances = find_stances(contact, np.ones((10, 1), bool))
-    ankle = np.zeros((10, 1, 1, 3))
-    ankle[:, 0, 0, 1] = [0.2, 0.11, 0.101, 0.1, 0.1, 0.103, 0.12, 0.15, 0.2, 0.3]
-    ankle[:, 0, 0, 2] = [0.0, 0.01, 0.02, 0.021, 0.021, 0.022, 0.05, 0.09, 0.2, 0.4]
-    assert flat_travel(stances, ankle, np.zeros_like(ankle), np.ones(1)) == pytest.approx([0.002])
+def test_landing_and_rising_heel_are_no_slide():
+    time = np.arange(12) / 30
+    contact = np.zeros((12, 1, 1), bool)
+    contact[1:11] = True
+    stances = find_stances(contact, np.ones((12, 1), bool))
+    ankle = np.zeros((12, 1, 1, 3))
+    # Toes first and lowest, then flat from frame 2 to 7 with 2 mm of creep, then the heel rises.
+    ankle[:, 0, 0, 1] = [0.2, 0.09, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1001, 0.103, 0.11, 0.15, 0.3]
+    ankle[:, 0, 0, 2] = [0.0, 0.01, 0.02, 0.021, 0.021, 0.021, 0.022, 0.022, 0.025, 0.05, 0.09, 0.4]
+    assert flat_travel(stances, ankle, time, np.ones(1)) == pytest.approx([0.002])
+    ankle[:, 0, 0, 1] += 0.002 * np.arange(12)  # never flat
+    assert np.isnan(flat_travel(stances, ankle, time, np.ones(1))).all()
+    both = find_stances(np.tile(contact, (1, 2, 1)), np.ones((12, 2), bool))
+    pair = np.concatenate([ankle, ankle], 1)
+    pair[:, 1, :, 1] = 0.1
+    assert flat_travel(both, pair, time, np.ones(2)) == pytest.approx([np.nan, 0.08], nan_ok=True)
 
 
 def test_whole_cycles():

@@ -42,7 +42,9 @@ def test_round_trip(made_result, recorded):
 def test_indexing_follows_numpy(made_result, recorded):
     recording = open_recording(recorded)
     value, stored = made_result.herds["twos"]["position"], recording.herds["twos"]["position"]
+    every = slice(None)
     keys = (3, -1, slice(5, 9), slice(None, None, 7), slice(9, 3, -2), (slice(2, 4), 1), (4, slice(0, 1)), slice(4, 4))
+    keys += ((every, every, 1), (3, 1, 2), (3, every, slice(0, 2)), (every,), (slice(0, 9, 2), slice(1, None, -1), 0))
     for key in keys:
         assert stored[key].shape == value[key].shape, key
         assert np.allclose(stored[key], value[key], atol=1e-5), key
