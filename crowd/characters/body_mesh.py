@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from crowd.characters.simplification import simplify
-from crowd.characters.surface import Part, make_well_composed, sample, surface_nets
+from crowd.characters.surface import Part, make_well_composed, sample, smooth_union, surface_nets
 from crowd.posing import conjugate, matrix
 from crowd.types import Mesh
 
@@ -27,7 +27,7 @@ def for_skeleton(
     radii: np.ndarray | None = None,
     rotations: np.ndarray | None = None,
     triangles: int = 800,
-    cells: int = 90,
+    cells: int = 72,
 ) -> Mesh:
     """A mesh for bones given by the joints alone.
 
@@ -44,11 +44,15 @@ def for_skeleton(
     cell = extent / cells
     radii = np.maximum(radii, 0.9 * cell)
     parts = []
+    trunk, stretch = _breadth(parents, positions)
     for joint, parent in enumerate(parents):
         if parent >= 0 and not np.allclose(positions[joint], positions[parent]):
             ends = (tuple(positions[parent]), tuple(positions[joint]))
             widest = radii[joint] * 1.6 + 0.02 * extent  # a bone from a wide trunk to a limb starts inside the trunk
-            parts.append(Part(parent, *ends, (min(float(radii[parent]), widest), float(radii[joint]))))
+            bone = np.abs(positions[joint] - positions[parent])
+            upright = trunk[parent] and trunk[joint] and bone[1] > 2.0 * max(bone[0], bone[2])
+            thick = (min(float(radii[parent]), widest), float(radii[joint]))
+            parts.append(Part(parent, *ends, thick, stretch if upright else (1.0, 1.0, 1.0)))
     for joint in sorted(set(range(len(names))) - set(parents)):
         parts.append(Part(joint, tuple(positions[joint]), tuple(positions[joint]), (float(radii[joint]),) * 2))
     return from_parts(parts, parents, positions, rotations, triangles, cell, blend=0.6 * cell)
@@ -62,27 +66,45 @@ def from_parts(
     triangles: int = 800,
     cell: float = 0.02,
     blend: float = 0.012,
-    mirror: Sequence[int] | None = None,
-    roundness: float = 0.01,
-    floor: float | None = None,
 ) -> Mesh:
     """A mesh for explicit parts (bind pose, character frame).
 
     cell: grid spacing, m, no coarser than the thinnest radius. blend: rounding of creases, m; parts closer than about
-    that merge. mirror: [J] the joint on the other side for bodies that are exactly symmetric about x = 0; the mesh then
-    is, too. floor: height at which soles are cut flat, m. Parts that do not touch give several closed components.
+    that merge. Parts that do not touch give several closed components.
     """
-    positions = np.asarray(positions, float)
-    symmetric = mirror is not None
-    field, origin = sample(parts, cell, blend, symmetric, floor)
-    field = make_well_composed(field, cell, symmetric)
-    vertices, faces = surface_nets(field, origin, cell)
-    if symmetric:
-        vertices[np.abs(vertices[:, 0]) < 1e-6 * cell, 0] = 0.0
-    dense = _dense_weights(parts, parents, vertices)
-    target = triangles // 2 if symmetric else triangles
-    vertices, faces = simplify(vertices, faces, dense, target, roundness=roundness, symmetric=symmetric)
-    return skinned(vertices, faces, parts, parents, positions, rotations, mirror)
+    field, origin = sample(parts, cell, blend)
+    vertices, faces = surface_nets(make_well_composed(field, cell), origin, cell)
+    vertices, faces = simplify(vertices, faces, _dense_weights(parts, parents, vertices), triangles)
+    vertices = _relaxed(vertices, faces, parts, cell, blend)
+    return skinned(vertices, faces, parts, parents, np.asarray(positions, float), rotations)
+
+
+def _relaxed(
+    vertices: np.ndarray, faces: np.ndarray, parts: Sequence[Part], cell: float, blend: float, rounds: int = 3
+) -> np.ndarray:
+    """Vertices moved along the surface towards the middle of their neighbours, and back onto it: evener triangles."""
+    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    count = np.bincount(pairs[:, 0], minlength=len(vertices))[:, None]
+    for _ in range(rounds):
+        middle = np.zeros_like(vertices)
+        np.add.at(middle, pairs[:, 0], vertices[pairs[:, 1]])
+        normal, _ = _field_at(vertices, parts, cell, blend)
+        step = 0.5 * (middle / count - vertices)
+        vertices = vertices + step - np.sum(step * normal, 1, keepdims=True) * normal
+        for _ in range(2):
+            normal, offset = _field_at(vertices, parts, cell, blend)
+            vertices = vertices - np.clip(offset, -cell, cell)[:, None] * normal
+    return vertices
+
+
+def _field_at(points: np.ndarray, parts: Sequence[Part], cell: float, blend: float) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normal [V, 3] and distance [V] of the smooth union at points, by central differences."""
+    h = 0.05 * cell
+    shifts = h * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+    value = smooth_union(parts, points + shifts[:, None], blend)
+    slope = (value[1:4] - value[4:7]).T / (2.0 * h)
+    size = np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-9)
+    return slope / size, value[0] / size[:, 0]
 
 
 def skinned(
@@ -114,8 +136,8 @@ def inverse_bind_of(rotations: np.ndarray, positions: np.ndarray) -> np.ndarray:
 def guess_radii(parents: Sequence[int], positions: np.ndarray) -> np.ndarray:
     """Radius of the body at each joint, m, from the tree alone.
 
-    A limb is as thick as what it carries: 0.07 m per metre of chain beyond the joint to the power 0.75, scaled to the
-    size of the body (fits hip 0.075, knee 0.055, wrist 0.02, finger 0.005 m of a person of 1.7 m). Joints that carry
+    A limb is as thick as what it carries: 0.08 m per metre of chain beyond the joint to the power 0.7, scaled to the
+    size of the body (fits hip 0.085, knee 0.06, wrist 0.025, finger 0.01 m of a person of 1.7 m). Joints that carry
     several large limbs are trunk and reach out to where these begin. The highest joint, if a trunk's end, is the head.
     """
     positions = np.asarray(positions, float)
@@ -125,20 +147,42 @@ def guess_radii(parents: Sequence[int], positions: np.ndarray) -> np.ndarray:
     chain = _chain_lengths(parents, positions)
     children = [[k for k in range(count) if parents[k] == j] for j in range(count)]
     unit = size / 1.7
-    radii = 0.07 * unit * (np.maximum(chain / unit, 0.03)) ** 0.75
-    large = [sum(chain[k] + _bone(positions, k, j) > 0.25 * size for k in children[j]) for j in range(count)]
-    trunk = np.zeros(count, bool)
-    for joint in reversed(range(count)):
-        trunk[joint] = large[joint] >= 2 or any(trunk[k] for k in children[joint])
-    for joint in np.flatnonzero(trunk).tolist():
+    radii = 0.08 * unit * (np.maximum(chain / unit, 0.03)) ** 0.7
+    trunk = _trunk(parents, positions, chain)
+    for joint in np.flatnonzero(trunk):
         limbs = [k for k in children[joint] if not trunk[k]]
         reach = max((_bone(positions, k, joint) for k in limbs if chain[k] > 0.2 * size), default=0.0)
-        radii[joint] = np.clip(0.75 * reach, 0.06 * size, 0.09 * size)
+        radii[joint] = np.clip(0.7 * reach, 0.06 * size, 0.07 * size)
     top = int(np.argmax(positions[:, 1]))
     if not trunk[top] and chain[top] < 1e-9 and parents[top] >= 0:
         radii[top] = max(radii[top], 0.045 * size)
         radii[parents[top]] = max(radii[parents[top]], 0.04 * size)
     return radii
+
+
+def _trunk(parents: Sequence[int], positions: np.ndarray, chain: np.ndarray) -> np.ndarray:
+    """[J] whether a joint carries at least two large limbs, by itself or further out."""
+    size = float(np.max(np.ptp(positions, axis=0)))
+    trunk = np.zeros(len(parents), bool)
+    for joint in reversed(range(len(parents))):
+        children = [k for k in range(len(parents)) if parents[k] == joint]
+        large = sum(chain[k] + _bone(positions, k, joint) > 0.25 * size for k in children)
+        trunk[joint] = large >= 2 or any(trunk[k] for k in children)
+    return trunk
+
+
+def _breadth(parents: Sequence[int], positions: np.ndarray) -> tuple[np.ndarray, tuple[float, float, float]]:
+    """[J] trunk joints and the stretch of an upright trunk: wider than deep, along the line between its limbs."""
+    chain = _chain_lengths(parents, positions)
+    trunk = _trunk(parents, positions, chain)
+    size = float(np.max(np.ptp(positions, axis=0))) if len(parents) > 1 else 1.0
+    starts = [j for j, p in enumerate(parents) if p >= 0 and trunk[p] and not trunk[j] and chain[j] > 0.2 * size]
+    if len(starts) < 2:
+        return trunk, (1.0, 1.0, 1.0)
+    x, _, z = np.std(positions[starts], axis=0)
+    if max(x, z) < 1.5 * min(x, z):
+        return trunk, (1.0, 1.0, 1.0)
+    return trunk, (1.25, 1.0, 0.92) if x > z else (0.92, 1.0, 1.25)
 
 
 def _bone(positions: np.ndarray, joint: int, parent: int) -> float:

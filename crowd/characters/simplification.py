@@ -19,7 +19,6 @@ class _Working:
     triangles: np.ndarray
     attributes: np.ndarray
     quadrics: np.ndarray  # [V, 4, 4]
-    border: np.ndarray  # [V] on the symmetry plane x = 0
 
 
 def simplify(
@@ -29,16 +28,14 @@ def simplify(
     target: int,
     roundness: float = 0.01,
     detail: float = 8.0,
-    symmetric: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Vertices [V, 3] and triangles [T, 3] with about `target` triangles (fewer by at most a few, more if stuck).
 
     attributes: [V, K]; edges over which they change cost more by `detail` (skin weights: joints keep their rings).
     roundness: weight of edge length to the fourth power against the quadric error (area × distance²): keeps triangles
-    from degenerating into needles where the surface is flat. symmetric: vertices at x = 0 are a border and stay there.
+    from degenerating into needles where the surface is flat.
     """
-    border = np.abs(vertices[:, 0]) < 1e-9 if symmetric else np.zeros(len(vertices), bool)
-    work = _Working(vertices.copy(), triangles.copy(), attributes.copy(), _quadrics(vertices, triangles), border)
+    work = _Working(vertices.copy(), triangles.copy(), attributes.copy(), _quadrics(vertices, triangles))
     stuck = 0
     while len(work.triangles) > target and stuck < 8:
         before = len(work.triangles)
@@ -75,12 +72,12 @@ def _padded(keys: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
 def _round(work: _Working, target: int, roundness: float, detail: float, share: float) -> None:
     count = len(work.vertices)
     half = np.concatenate([work.triangles[:, [0, 1]], work.triangles[:, [1, 2]], work.triangles[:, [2, 0]]])
-    keys, uses = np.unique(half.min(1) * count + half.max(1), return_counts=True)
+    keys = np.unique(half.min(1) * count + half.max(1))
     edges = np.stack([keys // count, keys % count], 1)
     neighbours = _padded(edges.ravel(), edges[:, ::-1].ravel(), count)
     faces = _padded(work.triangles.ravel(), np.repeat(np.arange(len(work.triangles)), 3), count)
     place, cost = _placements(work, edges, roundness, detail)
-    allowed = _topology_ok(work, edges, uses, neighbours)
+    allowed = _topology_ok(edges, neighbours)
     cost = np.where(allowed, cost, np.inf)
     rank = np.empty(len(edges), int)
     rank[np.argsort(cost, kind="stable")] = np.arange(len(edges))
@@ -88,8 +85,7 @@ def _round(work: _Working, target: int, roundness: float, detail: float, share: 
     tried = np.flatnonzero((rank < max(limit, 1)) & np.isfinite(cost))
     tried = tried[_keeps_facing(work, edges[tried], place[tried], faces)]
     chosen = _independent(edges, rank, tried, neighbours, count)
-    removed = np.cumsum(uses[chosen])
-    chosen = chosen[: int(np.searchsorted(removed, len(work.triangles) - target, side="left")) + 1]
+    chosen = chosen[: max((len(work.triangles) - target + 1) // 2, 1)]  # each removes two triangles
     _collapse(work, edges[chosen], place[chosen])
 
 
@@ -98,43 +94,26 @@ def _placements(work: _Working, edges: np.ndarray, roundness: float, detail: flo
     u, v = edges.T
     quadric = work.quadrics[u] + work.quadrics[v]
     middle = 0.5 * (work.vertices[u] + work.vertices[v])
-    on_u, on_v = work.border[u], work.border[v]
-    middle = np.where((on_u & ~on_v)[:, None], work.vertices[u], middle)
-    middle = np.where((on_v & ~on_u)[:, None], work.vertices[v], middle)
-    a, b = quadric[:, :3, :3].copy(), quadric[:, :3, 3].copy()
-    on_border = on_u | on_v  # x is fixed there: solve for y and z alone
-    a[on_border, 0, :], a[on_border, :, 0], b[on_border, 0] = 0.0, 0.0, 0.0
-    a[on_border, 0, 0] = a[on_border, 1, 1] + a[on_border, 2, 2]
+    a, b = quadric[:, :3, :3], quadric[:, :3, 3]
     pull = 1e-2 * np.trace(a, axis1=1, axis2=2)[:, None, None] * np.eye(3)
     place = np.linalg.solve(a + pull, (np.einsum("eij,ej->ei", pull, middle) - b)[..., None])[..., 0]
     length = np.linalg.norm(work.vertices[u] - work.vertices[v], axis=1)
     far = np.linalg.norm(place - middle, axis=1) > 1.5 * length
     place = np.where(far[:, None], middle, place)
-    place[on_border, 0] = 0.0
     homogeneous = np.concatenate([place, np.ones((len(place), 1))], 1)
     error = np.einsum("ei,eij,ej->e", homogeneous, quadric, homogeneous)
     change = np.sum((work.attributes[u] - work.attributes[v]) ** 2, 1)
     return place, np.maximum(error, 0.0) + roundness * length**4 * (1.0 + detail * change)
 
 
-def _topology_ok(work: _Working, edges: np.ndarray, uses: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
-    """Link condition, valences and the symmetry border."""
+def _topology_ok(edges: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
+    """Link condition (just two common neighbours) and valences."""
     u, v = edges.T
     near_u, near_v = neighbours[u], neighbours[v]
     shared = (near_v[:, :, None] == near_u[:, None, :]).any(2) & (near_v >= 0)
     valence = np.sum(neighbours >= 0, 1)
-    ok = shared.sum(1) == uses
     smallest = np.where(shared, valence[near_v], 99).min(1)
-    ok &= (smallest > 3) & (valence[u] + valence[v] - 4 <= _MAX_VALENCE)
-    if work.border.any():
-        border_u = np.where(near_u >= 0, work.border[near_u], False).sum(1) - work.border[v]
-        border_v = np.where(near_v >= 0, work.border[near_v], False).sum(1) - work.border[u]
-        border_shared = np.where(shared, work.border[near_v], False).sum(1)
-        both, one = work.border[u] & work.border[v], work.border[u] ^ work.border[v]
-        ok &= ~both | (uses == 1)
-        inner_border = np.where(work.border[u], border_v, border_u)
-        ok &= ~one | (inner_border == border_shared)
-    return ok
+    return (shared.sum(1) == 2) & (smallest > 3) & (valence[u] + valence[v] - 4 <= _MAX_VALENCE)
 
 
 def _keeps_facing(work: _Working, edges: np.ndarray, place: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -176,7 +155,6 @@ def _collapse(work: _Working, edges: np.ndarray, place: np.ndarray) -> None:
     work.vertices[keep] = place
     work.quadrics[keep] += work.quadrics[gone]
     work.attributes[keep] = 0.5 * (work.attributes[keep] + work.attributes[gone])
-    work.border[keep] |= work.border[gone]
     target = np.arange(len(work.vertices))
     target[gone] = keep
     triangles = target[work.triangles]
@@ -185,4 +163,4 @@ def _collapse(work: _Working, edges: np.ndarray, place: np.ndarray) -> None:
     used, inverse = np.unique(triangles, return_inverse=True)
     work.triangles = inverse.reshape(-1, 3)
     work.vertices, work.quadrics = work.vertices[used], work.quadrics[used]
-    work.attributes, work.border = work.attributes[used], work.border[used]
+    work.attributes = work.attributes[used]
