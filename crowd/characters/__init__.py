@@ -42,18 +42,19 @@ def load(reference: str, base: Path | str = ".", rig: object = None) -> Archetyp
 
 
 def _from_file(path: Path, folder: Path, rig: object) -> Archetype:
-    from crowd.characters.description import RigDescription, parse, read
+    from crowd.characters.description import RigDescription, parse
+    from crowd.characters.description import read as read_description
 
     description: RigDescription | None = None
     if isinstance(rig, str | Path):
-        description = read(folder / rig)
+        description = read_description(folder / rig)
     elif isinstance(rig, Mapping | RigDescription):
         items: Any = rig
         description = parse(items, f"{path.name} rig")
     elif rig is not None:
         raise fail(f"{path.name} rig", f"is a {type(rig).__name__}; must be a path or a mapping")
     if path.suffix.lower() in (".yaml", ".yml"):
-        own = read(path)
+        own = read_description(path)
         if own.asset is None:
             raise fail(f"{path.name} asset", "is missing: the description must name its character file")
         path = path.parent / own.asset
@@ -64,9 +65,9 @@ def _from_file(path: Path, folder: Path, rig: object) -> Archetype:
             merged |= description.model_dump(exclude_none=True, exclude_defaults=True)
         description = parse(merged, "rig")
     if path.suffix.lower() == ".bvh":
-        from crowd.characters import bvh
+        from crowd.characters.bvh import read as read_rig
+    else:
+        from crowd.characters.gltf_scene import read_rig
+    from crowd.characters.normalise import character_from_rig
 
-        return bvh.load(path, description)
-    from crowd.characters.gltf_scene import load
-
-    return load(path, description)
+    return character_from_rig(read_rig(path), description)

@@ -38,12 +38,24 @@ def find_arms(subject: Subject, legs: set[int], trunk: list[int], hips_height: f
         key = (chain[0], int(np.sign(rest[leaf, 0])))
         if length > found.get(key, (SHORTEST * subject.height, []))[0]:
             found[key] = (length, chain)
-    arms = [_divided(subject, chain, side) for (_, side), (_, chain) in found.items()]
-    sides = sorted(
-        (arm for arm in arms if arm is not None),
-        key=lambda a: (-round(rest[a.shoulder, 2] / (0.2 * subject.height)), -a.side),
-    )
-    return sides if sum(a.side for a in sides) == 0 else []
+    divided = _agreeing([(chain, side, _divided(subject, chain)) for (_, side), (_, chain) in found.items()])
+    arms = [ArmChain(*(chain[k] for k in parts), side) for chain, side, parts in divided]
+    arms.sort(key=lambda a: (-round(rest[a.shoulder, 2] / (0.2 * subject.height)), -a.side))
+    return arms if sum(a.side for a in arms) == 0 else []
+
+
+Divided = tuple[list[int], int, tuple[int, int, int] | None]
+
+
+def _agreeing(arms: list[Divided]) -> list[tuple[list[int], int, tuple[int, int, int]]]:
+    """Arms that could be divided; a right chain as long as a left one is divided alike."""
+    lefts = {len(chain): parts for chain, side, parts in arms if side > 0 and parts is not None}
+    out = []
+    for chain, side, parts in arms:
+        chosen = lefts.get(len(chain), parts) if side < 0 else parts
+        if chosen is not None:
+            out.append((chain, side, chosen))
+    return out
 
 
 def _mirror_of(subject: Subject, leaf: int, leaves: list[int]) -> int | None:
@@ -56,10 +68,9 @@ def _mirror_of(subject: Subject, leaf: int, leaves: list[int]) -> int | None:
     return best if best is not None and gaps[best] < 0.15 * subject.height else None
 
 
-def _divided(subject: Subject, chain: list[int], side: int) -> ArmChain | None:
-    """Shoulder, elbow and hand of a chain from the trunk to a fingertip."""
+def _divided(subject: Subject, chain: list[int]) -> tuple[int, int, int] | None:
+    """Places of shoulder, elbow and hand in a chain from the trunk to a fingertip."""
     rest, children = subject.raw.rest_position, subject.children
-    chain = [j for k, j in enumerate(chain) if k == 0 or np.linalg.norm(rest[j] - rest[chain[k - 1]]) > 1e-6]
     if len(chain) < 3:
         return None
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(rest[chain], axis=0), axis=1))])
@@ -67,12 +78,14 @@ def _divided(subject: Subject, chain: list[int], side: int) -> ArmChain | None:
     last = len(chain) - 1
     for k in range(2, len(chain)):
         branches = [c for c in children[chain[k]] if any(subject.carries[b] for b in subject.below(c))]
-        if len(branches) > 1 or total - along[k] < 0.28 * total:
-            last = k
+        spread = [float(np.linalg.norm(rest[c] - rest[chain[k]])) for c in branches]
+        if len(branches) > 1 or total - along[k] < 0.32 * total:
+            # Fingers that start far from where they split leave from a palm of their own: the first joint of one.
+            last = k + 1 if spread and min(spread) > 0.15 * total and k + 1 < len(chain) else k
             break
     # From the hand upwards: the forearm is the first long bone, the upper arm the next; collar bones lie above.
     long = [k for k in range(last, 0, -1) if along[k] - along[k - 1] > 0.15 * along[last]]
     if len(long) < 2 or along[last] < 0.5 * SHORTEST * subject.height:
         return None
     elbow, shoulder = long[0] - 1, long[1] - 1
-    return ArmChain(chain[shoulder], chain[elbow], chain[last], side)
+    return shoulder, elbow, last

@@ -12,8 +12,17 @@ import numpy as np
 from crowd.characters.arms import ArmChain, find_arms
 from crowd.characters.attachment import reattached, wander
 from crowd.characters.description import RigDescription
-from crowd.characters.facing import AXES, Facing, find_facing, find_up, rotation_to, upright
-from crowd.characters.limbs import FootJoints, LegChain, find_feet, ground_foot, leg_chain, paired, trunk_of
+from crowd.characters.facing import AXES, Facing, find_facing, rotation_to, upright
+from crowd.characters.limbs import (
+    FootJoints,
+    LegChain,
+    find_feet,
+    ground_foot,
+    leg_chain,
+    limb_places,
+    paired,
+    trunk_of,
+)
 from crowd.characters.locomotion import ClipReport, assess, best_idle, with_a_walk
 from crowd.characters.naming import arms_from, joint_index, legs_from
 from crowd.characters.raw_rig import RawRig
@@ -47,9 +56,7 @@ def detect(raw: RawRig, description: RigDescription | None = None) -> Detection:
     """Find everything in a rig. Raises InputError when there are no legs or the description names unknown things."""
     given = description or RigDescription()
     notes, unsure = list(raw.notes), []
-    up, sure = (given.up, True) if given.up else (raw.up, True) if raw.up else find_up(raw)
-    if not sure:
-        unsure.append(f"up is taken as {up}; set 'up' if the character lies down")
+    up = given.up or raw.up or "+y"
     first = upright(up)
     subject = prepare(turned(raw, first))
     attach = {joint_index(raw, c, "attach"): joint_index(raw, p, "attach") for c, p in (given.attach or {}).items()}
@@ -70,7 +77,7 @@ def detect(raw: RawRig, description: RigDescription | None = None) -> Detection:
     # Motion and skin are computed anew in the final frame; the hierarchy stays as re-hung.
     parents = subject.parents
     frame = turned(subject.raw, turn)
-    middle = frame.rest_position[tips].mean(0) * np.array([1.0, 0.0, 1.0])
+    middle = turn @ limb_places(subject, tips).mean(0) * np.array([1.0, 0.0, 1.0])
     subject = replace(prepare(shifted(frame, -middle)), parents=parents)
     whole_turn = turn @ first
     soles, trunk = _soles(subject, given, feet, notes, raw)
@@ -206,7 +213,7 @@ class _Rest:
                 legs.append(found)
         if len(legs) < 2:
             raise _no_legs(self.subject.raw)
-        legs = mirrored(self.subject, legs, moves)
+        legs = mirrored(legs)
         self.unsure += [note for leg in legs for note in leg.notes]
         return legs
 
@@ -247,17 +254,15 @@ def _translated(subject: Subject, joint: int) -> bool:
     )
 
 
-def mirrored(subject: Subject, legs: list[LegChain], moves: list) -> list[LegChain]:
+def mirrored(legs: list[LegChain]) -> list[LegChain]:
     """Legs whose left and right agree: where hip or knee differ in place along the chain, the left one decides."""
     out = list(legs)
     for k, leg in enumerate(legs):
-        if leg.side > 0:
-            continue
-        image = leg.contact * np.array([-1.0, 1, 1])
+        image = leg.place * np.array([-1.0, 1, 1])
         lefts = [other for other in legs if other.side > 0 and len(other.chain) == len(leg.chain)]
-        if not lefts:
+        if leg.side > 0 or not lefts:
             continue
-        left = min(lefts, key=lambda other: float(np.linalg.norm(other.contact - image)))
+        left = min(lefts, key=lambda other: float(np.linalg.norm(other.place - image)))
         hip, knee = (leg.chain[left.chain.index(j)] for j in (left.hip, left.knee))
         out[k] = replace(leg, hip=hip, knee=knee)
     return out
@@ -277,11 +282,11 @@ def with_tips(subject: Subject, legs: list[LegChain]) -> tuple[Subject, list[Leg
 def named(subject: Subject, legs: list[LegChain], given: list[str | None] | None) -> tuple[list[LegChain], list[str]]:
     """Legs front to hind, left before right, with names by place ("hind left"); given names are kept."""
     rows: list[list[int]] = []
-    for k in sorted(range(len(legs)), key=lambda k: -legs[k].contact[2]):
+    for k in sorted(range(len(legs)), key=lambda k: -legs[k].place[2]):
         row = next((r for r in rows if _pair(legs, r, k)), None)
         rows.append([k]) if row is None else row.append(k)
     rows.sort(key=lambda row: -float(np.mean([subject.raw.rest_position[legs[k].hip, 2] for k in row])))
-    order = [k for row in rows for k in sorted(row, key=lambda k: -legs[k].contact[0])]
+    order = [k for row in rows for k in sorted(row, key=lambda k: -legs[k].side)]
     words = {1: [""], 2: ["front ", "hind "]}.get(len(rows), [f"{n} " for n in range(1, len(rows) + 1)])
     names = {}
     for word, row in zip(words, rows, strict=True):
@@ -296,6 +301,6 @@ def _pair(legs: list[LegChain], row: list[int], k: int) -> bool:
     """Whether leg k is the mirror image of the one leg in the row."""
     if len(row) != 1 or legs[row[0]].side != -legs[k].side or legs[k].side == 0:
         return False
-    image = legs[row[0]].contact * np.array([-1.0, 1, 1])
-    rivals = [np.linalg.norm(leg.contact - image) for leg in legs if leg.side == legs[k].side]
-    return bool(np.linalg.norm(legs[k].contact - image) <= min(rivals) + 1e-9)
+    image = legs[row[0]].place * np.array([-1.0, 1, 1])
+    rivals = [np.linalg.norm(leg.place - image) for leg in legs if leg.side == legs[k].side]
+    return bool(np.linalg.norm(legs[k].place - image) <= min(rivals) + 1e-9)

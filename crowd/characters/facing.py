@@ -1,4 +1,4 @@
-"""Which way is up and which way a character walks, from contacts with the ground, stance motion and symmetry."""
+"""Which way a character walks, from the motion of feet on the ground and from symmetry."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crowd.characters.raw_rig import RawClip, RawRig
-from crowd.characters.subject import Subject, prepare, turned
+from crowd.characters.raw_rig import RawClip
+from crowd.characters.subject import Subject
 
 AXES: dict[str, np.ndarray] = {
     f"{sign}{axis}": (1 if sign == "+" else -1) * np.eye(3)[k] for k, axis in enumerate("xyz") for sign in "+-"
@@ -36,31 +36,6 @@ def without_drift(clip: RawClip) -> np.ndarray:
     return clip.position - np.linspace(0, 1, len(body))[:, None, None] * drift
 
 
-def find_up(raw: RawRig) -> tuple[str, bool]:
-    """The axis along which the lowest skin stays level while taking turns (feet), and whether it stands out."""
-    moves = [float(np.linalg.norm(without_drift(c) - c.position[:1], axis=-1).mean()) for c in raw.clips]
-    busiest = [raw.clips[k] for k in np.argsort(moves)[::-1][:3]]
-    size = max(float(np.ptp(raw.rest_position, axis=0).max()), 1e-9)
-    scores = {}
-    for name in AXES:
-        subject = prepare(turned(raw, upright(name)))
-        scores[name] = float(np.mean([_unrest(subject, clip.name, size) for clip in busiest]))
-    scores["+y"] -= 0.02  # conventions settle near ties
-    scores["+z"] -= 0.01
-    ranked = sorted(scores, key=lambda name: scores[name])
-    return ranked[0], scores[ranked[1]] - scores[ranked[0]] > 0.05
-
-
-def _unrest(subject: Subject, name: str, size: float) -> float:
-    clip = next(c for c in subject.raw.clips if c.name == name)
-    step = max(1, len(clip.position) // 200)
-    low = subject.lowest(clip.rotation[::step], without_drift(clip)[::step])
-    low = np.where(subject.carries, low, np.inf)
-    who = np.bincount(np.argmin(low, 1), minlength=low.shape[1])
-    alone = who.max() / who.sum()
-    return float(np.std(low.min(1)) / size + 0.5 * max(0.0, alone - 0.65))
-
-
 @dataclass(frozen=True)
 class Facing:
     """Horizontal directions in a y-up frame."""
@@ -78,7 +53,7 @@ def find_facing(subject: Subject, tips: list[int], prior: np.ndarray) -> Facing:
     slides = [slide for clip in subject.raw.clips if (slide := stance_slide(subject, clip, tips)) is not None]
     strong = [s for s in slides if np.linalg.norm(s) > 0.05 * subject.height]
     line, agreement = _common_line(strong)
-    normal, asymmetry = _mirror_normal(subject, tips, line)
+    normal, asymmetry = mirror_normal(subject, tips, line)
     forward = np.cross(normal, np.array([0.0, 1.0, 0.0]))
     along = np.array([np.clip(-(s @ forward) / (0.3 * subject.height), -1, 1) for s in strong if agreement > 0])
     if len(along) and abs(along.sum()) > 0.2 * np.abs(along).sum():
@@ -117,8 +92,11 @@ def _common_line(slides: list[np.ndarray]) -> tuple[np.ndarray, float]:
     return np.array([np.cos(angle), 0.0, np.sin(angle)]), float(abs(double))
 
 
-def _mirror_normal(subject: Subject, tips: list[int], line: np.ndarray) -> tuple[np.ndarray, float]:
-    """Horizontal unit normal [3] of the plane that mirrors the joints best, across the walking line where known."""
+def mirror_normal(subject: Subject, tips: list[int], line: np.ndarray) -> tuple[np.ndarray, float]:
+    """Horizontal unit normal [3] of the plane that mirrors the rest pose best, and the asymmetry it leaves.
+
+    line: walking direction [3] the plane should hold (zeros: unknown). The asymmetry is a share of the height.
+    """
     joints = subject.raw.rest_position[subject.carries]
     center = subject.raw.rest_position[tips].mean(0)
     best: tuple[float, float, np.ndarray] | None = None

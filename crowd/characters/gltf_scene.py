@@ -7,15 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from crowd.characters.description import RigDescription
 from crowd.characters.glb import read_document
 from crowd.characters.gltf_clips import Animation, pose, read_animations, sample_times
 from crowd.characters.gltf_mesh import read_mesh, read_skins
 from crowd.characters.gltf_nodes import NodeTree, global_transforms, read_nodes
-from crowd.characters.normalise import character_from_rig
 from crowd.characters.raw_rig import RawClip, RawMesh, RawRig
 from crowd.errors import fail
-from crowd.types import Archetype
 
 
 def read_rig(path: Path) -> RawRig:
@@ -92,8 +89,3 @@ def _clip(tree: NodeTree, animation: Animation, keep: list[int]) -> RawClip:
     times = sample_times(animation)
     _, rotation, position = pose(tree, animation, times)
     return RawClip(animation.name, float(times[-1] - times[0]), position[:, keep], rotation[:, keep])
-
-
-def load(path: Path, description: RigDescription | None = None) -> Archetype:
-    """The character in a .glb or .gltf file. Raises InputError naming the file and the place."""
-    return character_from_rig(read_rig(path), description)

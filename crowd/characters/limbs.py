@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,7 +45,8 @@ class LegChain:
     ankle: int | None
     ball: int  # joint that carries the contact point
     contact: np.ndarray  # [3] contact point of the rest pose
-    chain: tuple[int, ...]  # from below the trunk to the ball
+    chain: tuple[int, ...]  # from below the trunk to the tip
+    place: np.ndarray  # [3] mean of the chain's joints at rest
     side: int  # +1 left (+x), -1 right, 0 middle
     notes: tuple[str, ...] = ()
 
@@ -102,9 +104,25 @@ def topological(parents: tuple[int, ...]) -> list[int]:
     return order
 
 
+def limb_places(subject: Subject, tips: list[int]) -> np.ndarray:
+    """Place [L, 3] of the joints that lead to each tip alone (see `chain_place`)."""
+    counts = np.zeros(subject.raw.count, int)
+    chains = [subject.above(tip) for tip in tips]
+    for chain in chains:
+        counts[chain] += 1
+    return np.stack([chain_place(subject, [j for j in chain if counts[j] == 1]) for chain in chains])
+
+
+def chain_place(subject: Subject, chain: Sequence[int]) -> np.ndarray:
+    """Mean place [3] of joints, the high ones counting most: tells left from right even where feet cross."""
+    rest = subject.raw.rest_position[list(chain)]
+    weight = rest[:, 1] - subject.ground + 0.05 * subject.height
+    return np.average(rest, axis=0, weights=np.maximum(weight, 1e-9))
+
+
 def paired(subject: Subject, feet: list[Foot]) -> tuple[list[Foot], list[Foot]]:
     """Feet with a mirror partner across the middle plane, and the others (tails, capes)."""
-    places = subject.raw.rest_position[[foot.tip for foot in feet]]
+    places = limb_places(subject, [foot.tip for foot in feet])
     center = mirror_center(places[:, 0])
     kept, lone = [], []
     for k, foot in enumerate(feet):
@@ -153,9 +171,10 @@ def leg_chain(
     """The leg above a foot, or why it cannot be one. moves: walking clips. given: hip and knee, if named."""
     rest, above, ankle, ball, contact = subject.raw.rest_position, foot.chain, foot.ankle, foot.ball, foot.contact
     top = float(np.linalg.norm(rest[above[0]] - contact))
-    side = int(np.sign(contact[0])) if abs(contact[0]) > 0.01 * subject.height else 0
+    place = chain_place(subject, above)
+    side = int(np.sign(place[0])) if abs(place[0]) > 0.01 * subject.height else 0
     if given is not None:
-        return LegChain(given[0], given[1], ankle, ball, contact, above, side)
+        return LegChain(given[0], given[1], ankle, ball, contact, above, place, side)
     upper = list(above[: above.index(ankle)] if ankle is not None else above[: above.index(ball) + 1])
     upper = [j for k, j in enumerate(upper) if k == 0 or np.linalg.norm(rest[j] - rest[upper[k - 1]]) > 0.01 * top]
     if len(upper) < 2:
@@ -164,7 +183,7 @@ def leg_chain(
     below_hip = upper[upper.index(hip) + 1 :]
     knee, knee_note = _knee(subject, hip, below_hip, ankle, ball, contact, moves)
     notes = tuple(note for note in (swing_note, knee_note) if note)
-    return LegChain(hip, knee, ankle, ball, contact, above, side, notes)
+    return LegChain(hip, knee, ankle, ball, contact, above, place, side, notes)
 
 
 def _foot_joints(subject: Subject, above: list[int], touching: list[int], level: float) -> tuple[int | None, int, bool]:
@@ -214,8 +233,8 @@ def _hip(subject: Subject, upper: list[int], contact: np.ndarray, ball: int, mov
     turn = np.array([_turn_range(subject, j, upper, ball, moves) for j in candidates])
     swing = lever * turn
     bone = np.linalg.norm(np.diff(subject.raw.rest_position[upper], axis=0), axis=1)
-    # Short stubs between trunk and leg count only if they truly swing it; a long bone is a thigh unless it hardly moves.
-    needed = np.where(bone > 0.15 * lever[0], 0.15, 0.5) * swing.max()
+    # Short stubs between trunk and leg count only if they swing it most; a long bone is a thigh unless it hardly moves.
+    needed = np.where(bone > 0.15 * lever[0], 0.15, 0.95) * swing.max()
     first = int(np.argmax(swing >= np.minimum(needed, swing.max())))
     unsure = np.any((swing > 0.8 * needed) & (swing < 1.25 * needed))
     note = f"hip could also be another joint than '{subject.raw.names[candidates[first]]}'" if unsure else ""

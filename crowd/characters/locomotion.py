@@ -73,7 +73,9 @@ def assess(
     per_foot = [-float(velocity[planted[:, k], k, 2].mean()) if planted[:, k].any() else 0.0 for k in range(len(feet))]
     sideways = [-float(velocity[planted[:, k], k, 0].mean()) if planted[:, k].any() else 0.0 for k in range(len(feet))]
     touch = [np.flatnonzero(planted[:, k] & ~np.roll(planted[:, k], 1)) for k in range(len(feet))]
-    speed = float(np.mean(per_foot)) if clip.speed is None else clip.speed
+    speed = float(np.mean(per_foot))
+    if clip.speed is not None:
+        speed = clip.speed if speed >= 0.0 else -clip.speed
     low = sole[:-1] < np.percentile(sole, 2, axis=0) + 0.05 * leg
     measured = ClipReport(
         name=clip.name,

@@ -6,15 +6,18 @@ out, clips in place and uniformly sampled. Global motion is kept exactly; only t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from crowd.characters.body_mesh import for_skeleton
 from crowd.characters.description import RigDescription
 from crowd.characters.detect import Detection, detect
+from crowd.characters.facing import AXES, upright
 from crowd.characters.mesh_cleaning import cleaned, volume
+from crowd.characters.mocap import find_up, prepare
 from crowd.characters.raw_rig import RawClip, RawRig
+from crowd.characters.size import plausible
 from crowd.characters.thinning import kept_joints
 from crowd.errors import InputError, Problem
 from crowd.posing import conjugate, multiply, rotate
@@ -27,8 +30,43 @@ MASS_PER_CUBE = (3.0, 150.0)  # kg per cubic metre of standing height: bird-like
 
 
 def character_from_rig(raw: RawRig, description: RigDescription | None = None) -> Archetype:
-    """The archetype of a rig read from any format. Raises InputError naming the file and the joint or clip."""
-    return normalised(raw, detect(raw, description), description or RigDescription())
+    """The archetype of a rig read from any format. Raises InputError naming the file and the joint or clip.
+
+    A skeleton without mesh is taken as motion capture: it gets a standing pose, single strides and a body.
+    """
+    given = description or RigDescription()
+    raw, found = examined(raw, given)
+    return normalised(raw, found, given)
+
+
+def examined(raw: RawRig, given: RigDescription) -> tuple[RawRig, Detection]:
+    """The rig as detection saw it (motion capture: made ready first) and what was detected."""
+    if raw.mesh is not None and raw.up is not None:
+        return raw, detect(raw, given)
+    up, sure = (given.up or raw.up, True) if given.up or raw.up else find_up(raw, raw.path.name)
+    assert up is not None
+    ready = prepare(_sized(raw), up)
+    # The rig is y up now, and so must be what the description says of the file's axes.
+    turn = upright(up)
+    axes = {"up": None}
+    if given.forward is not None:
+        ahead = turn @ AXES[given.forward]
+        axes["forward"] = max(AXES, key=lambda axis: float(AXES[axis] @ ahead))
+    found = detect(ready, given.model_copy(update=axes))
+    forward = max(AXES, key=lambda axis: float((turn @ AXES[axis]) @ AXES[found.forward]))
+    doubts = () if sure else (f"up is taken as {up}; set 'up' if the character lies down",)
+    return ready, replace(found, up=up, forward=forward, unsure=(*doubts, *found.unsure))
+
+
+def _sized(raw: RawRig) -> RawRig:
+    """The rig without the format's unit, where it makes a skeleton implausible: the unit is then judged by its size."""
+    if raw.metres_per_unit is None or plausible(raw.metres_per_unit * _tallest(raw)):
+        return raw
+    return replace(raw, metres_per_unit=None)
+
+
+def _tallest(raw: RawRig) -> float:
+    return float(max(np.median(np.ptp(clip.position, axis=1).max(-1)) for clip in raw.clips))
 
 
 def normalised(raw: RawRig, found: Detection, description: RigDescription) -> Archetype:
@@ -92,7 +130,8 @@ def _check_bones(found: Detection) -> None:
                 problems.append(
                     Problem(
                         f"{raw.path.name} leg '{name}'",
-                        f"the bone from {upper} '{raw.names[a]}' to {lower} '{raw.names[b or 0]}' has length {length:.3g}",
+                        f"the bone from {upper} '{raw.names[a]}' to {lower} '{raw.names[b or 0]}' "
+                        f"has length {length:.2g}",
                     )
                 )
     if problems:
@@ -159,7 +198,6 @@ def _mesh(
 ) -> Mesh:
     raw = found.subject.raw.mesh
     if raw is None:
-        notes.append("no mesh in the file; a body was generated round the joints")
         return for_skeleton(skeleton.names, skeleton.parents, rest_p, rotations=rest_q)
     inverse_bind = np.tile(np.eye(4), (len(order), 1, 1))
     for joint, k in number.items():

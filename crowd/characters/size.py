@@ -16,6 +16,11 @@ UNITS = {"m": 1.0, "cm": 0.01, "in": 0.0254, "ft": 0.3048, "dm": 0.1, "mm": 0.00
 STRIDE_TIME = 3.6  # of a walk, in units of sqrt(leg / g): 1.1 s for people, and alike over animals
 
 
+def plausible(height_m: float) -> bool:
+    """Whether a character could be this tall."""
+    return PLAUSIBLE_M[0] <= height_m <= PLAUSIBLE_M[1]
+
+
 def metres_per_unit(
     subject: Subject,
     given: RigDescription,
@@ -34,7 +39,7 @@ def metres_per_unit(
     if given.metres_per_unit is not None:
         return given.metres_per_unit
     stated = subject.raw.metres_per_unit
-    if stated is not None and PLAUSIBLE_M[0] <= stated * subject.height <= PLAUSIBLE_M[1]:
+    if stated is not None and plausible(stated * subject.height):
         _compare_with_stride(subject, stated, leg, clips, unsure)
         return stated
     scale, unit = _guess(subject, leg, legs)
@@ -54,7 +59,7 @@ def _guess(subject: Subject, leg: float, legs: int) -> tuple[float, str]:
             return fitting[unit], f"1 unit = {fitting[unit]:.4g} m ({unit})"
         return HUMAN_LEG_M / leg, f"a biped with legs of {HUMAN_LEG_M} m"
     for unit in ("m", "cm", "mm"):
-        if PLAUSIBLE_M[0] <= UNITS[unit] * subject.height <= PLAUSIBLE_M[1]:
+        if plausible(UNITS[unit] * subject.height):
             return UNITS[unit], f"1 unit = 1 {unit}"
     return 1.0 / subject.height, "1 m tall"
 

@@ -7,8 +7,6 @@ import numpy as np
 from crowd.characters.detect import Detection
 from crowd.characters.limbs import topological
 
-SMALL = 0.03  # of the height: skeleton-only subtrees smaller than this (fingers, faces) are left out
-
 
 def kept_joints(found: Detection) -> tuple[list[int], tuple[int, ...]]:
     """Joints kept, parents first, and their parents among them; joint -1 is a root added above several."""
@@ -21,8 +19,6 @@ def kept_joints(found: Detection) -> tuple[list[int], tuple[int, ...]]:
     mesh = subject.raw.mesh
     if mesh is not None:
         needed |= {int(j) for j in np.unique(mesh.joints[mesh.weights > 1e-6])}
-    else:
-        needed |= _bones(found)
     kept = _with_root(subject.parents, needed)
     order = [j for j in topological(subject.parents) if j in kept]
     if sum(not (set(subject.above(j)[1:]) & kept) for j in order) > 1:
@@ -31,7 +27,7 @@ def kept_joints(found: Detection) -> tuple[list[int], tuple[int, ...]]:
     parents = []
     for joint in order:
         above = next((a for a in (subject.above(joint)[1:] if joint >= 0 else []) if a in kept), -1)
-        parents.append(number[above] if above in number else -1)
+        parents.append(number.get(above, -1))
     parents[0] = -1
     return order, tuple(parents)
 
@@ -50,38 +46,3 @@ def _with_root(parents: tuple[int, ...], needed: set[int]) -> set[int]:
         return needed
     shared = set.intersection(*(set(above(j)) for j in tops))
     return needed | ({max(shared, key=lambda j: len(above(j)))} if shared else set())
-
-
-def _bones(found: Detection) -> set[int]:
-    """Joints worth a body part in a skeleton without mesh: no fingers, faces or twist joints."""
-    subject = found.subject
-    rest, children = subject.raw.rest_position, subject.children
-    dropped: set[int] = set()
-    for arm in found.arms:
-        tips = subject.below(arm.hand)[1:]
-        far = max(tips, key=lambda j: float(np.linalg.norm(rest[j] - rest[arm.hand])), default=None)
-        line = set(subject.above(far)) if far is not None else set()
-        dropped |= {j for j in tips if j not in line}
-    for joint in range(subject.raw.count):
-        parent = subject.parents[joint]
-        if parent < 0:
-            continue
-        reach = max(float(np.linalg.norm(rest[j] - rest[parent])) for j in subject.below(joint))
-        if reach < SMALL * subject.height or (not children[joint] and _on_a_sibling_bone(subject, joint, parent)):
-            dropped |= set(subject.below(joint))
-    return set(range(subject.raw.count)) - dropped
-
-
-def _on_a_sibling_bone(subject, joint: int, parent: int) -> bool:
-    """Whether a leaf lies on the bone from its parent to a sibling: a twist joint."""
-    rest = subject.raw.rest_position
-    for sibling in subject.children[parent]:
-        bone = rest[sibling] - rest[parent]
-        length = float(bone @ bone)
-        if sibling == joint or length < 1e-12:
-            continue
-        part = float((rest[joint] - rest[parent]) @ bone) / length
-        off = np.linalg.norm(rest[joint] - rest[parent] - np.clip(part, 0, 1) * bone)
-        if -0.05 <= part <= 0.95 and off < SMALL * subject.height:
-            return True
-    return False
