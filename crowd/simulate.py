@@ -235,6 +235,6 @@ def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Any, recorded: 
 def _untiled(values: np.ndarray, count: int) -> np.ndarray:
     """[t, tiles, *components first*, 128] to [t, n, *components last*]."""
     moved = np.moveaxis(values, -1, 2)
-    flat = moved.reshape(values.shape[0], -1, *moved.shape[3:])[:, :count]
+    flat = moved.reshape(values.shape[0], moved.shape[1] * moved.shape[2], *moved.shape[3:])[:, :count]
     # components first (3, joints) to last (joints, 3)
     return flat if flat.ndim < 4 else np.moveaxis(flat, 2, -1)

@@ -19,7 +19,9 @@ Curve = Callable[[np.ndarray], np.ndarray]
 _X, _Y, _Z = np.eye(3)
 
 
-def spline(knots: Sequence[float], values: Sequence[float], slopes: tuple[float, float] = (0.0, 0.0)) -> Curve:
+def spline(
+    knots: Sequence[float] | np.ndarray, values: Sequence[float] | np.ndarray, slopes: tuple[float, float] = (0.0, 0.0)
+) -> Curve:
     """Cubic spline through the knots with the given end slopes, twice continuously differentiable, constant outside."""
     x, y = np.asarray(knots, float), np.asarray(values, float)
     h, count = np.diff(x), len(x)
