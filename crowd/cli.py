@@ -56,12 +56,13 @@ def _refuse(error: InputError) -> NoReturn:
     raise typer.Exit(BAD_INPUT) from None
 
 
-def _version(asked: bool) -> None:
+def _version(asked: bool) -> bool:
     if asked:
         import crowd
 
         print(f"crowd {crowd.__version__}")
         raise typer.Exit
+    return asked
 
 
 @app.callback()
@@ -79,7 +80,7 @@ def run(
     scenario: ScenarioFile,
     out: Annotated[Path | None, typer.Option(help="Output folder [default: runs/NAME].")] = None,
     frames: Annotated[int | None, typer.Option(min=1, help="Frames to step instead of the scenario's.")] = None,
-    seconds: Annotated[float | None, typer.Option(min=0, help="Seconds to run instead of the scenario's.")] = None,
+    seconds: Annotated[float | None, typer.Option(help="Seconds to run instead of the scenario's.")] = None,
     devices: Annotated[int | None, typer.Option(min=1, help="Devices (CPU: cores) to share the crowd among.")] = None,
     overrides: Overrides = None,
 ) -> None:
@@ -151,9 +152,9 @@ def doctor() -> None:
         print(f"{name:<{width}}  {value}")
 
 
-@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
+@app.command(context_settings={"ignore_unknown_options": True})
 @_told
-def bench(context: typer.Context) -> None:
+def bench(arguments: Annotated[list[str] | None, typer.Argument(metavar="[ARGS]...")] = None) -> None:
     """Run the benchmarks of a checkout; arguments are passed on."""
     import importlib.util
     import runpy
@@ -165,7 +166,7 @@ def bench(context: typer.Context) -> None:
         raise fail("crowd bench", f"benchmarks are part of a checkout; there are none in {root}")
     if importlib.util.find_spec("benchmarks") is None:
         sys.path.insert(0, str(root))
-    sys.argv = ["crowd bench", *context.args]
+    sys.argv = ["crowd bench", *(arguments or [])]
     runpy.run_module("benchmarks.run", run_name="__main__")
 
 

@@ -5,16 +5,17 @@ from __future__ import annotations
 import sys
 import time
 from types import TracebackType
-from typing import Any, Self, TextIO
+from typing import Any
 
 
 class Progress:
     """Counts frames between `with Progress(...) as progress` and its end.
 
-    frames: to step; rate: frames per second of simulated time; characters: of all herds.
+    frames: to step; rate: frames per second of simulated time; characters: of all herds; stream: a text file (default
+    standard error).
     """
 
-    def __init__(self, frames: int, rate: float, characters: int, stream: TextIO | None = None):
+    def __init__(self, frames: int, rate: float, characters: int, stream: Any = None):
         self.frames, self.rate, self.characters = frames, rate, characters
         self.stream = sys.stderr if stream is None else stream
         self.done = 0
@@ -22,7 +23,7 @@ class Progress:
         self.first_done = 0
         self._bar: Any = None
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> Progress:
         self.started = time.perf_counter()
         if self.stream.isatty():
             self._bar = _bar(self.stream)
@@ -68,7 +69,7 @@ def _clock(seconds: float) -> str:
     return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d}" if minutes >= 60 else f"{minutes}:{rest:02d} min"
 
 
-def _bar(stream: TextIO) -> Any:
+def _bar(stream: Any) -> Any:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
     from rich.progress import Progress as Bar

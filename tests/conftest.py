@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 from jaxtyping import install_import_hook
 
-# Shapes and types are checked under pytest only; an int passes where a float is expected.
-install_import_hook(["kernels", "crowd"], "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))")
+import tests.typechecker  # noqa: F401  (the hook below finds it by name)
+
+# Shapes and types are checked under pytest only.
+install_import_hook(["kernels", "crowd"], "tests.typechecker.check")
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 

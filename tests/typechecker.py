@@ -1,0 +1,16 @@
+"""How annotations are read under pytest: as people read them.
+
+An int passes for a float, a NumPy scalar for an array without axes.
+"""
+
+import numpy as np
+from beartype import BeartypeConf, BeartypeHintOverrides, beartype
+
+check = beartype(
+    conf=BeartypeConf(
+        is_pep484_tower=True,
+        hint_overrides=BeartypeHintOverrides(  # pyright: ignore[reportCallIssue]
+            {np.ndarray: np.ndarray | np.generic}
+        ),
+    )
+)
