@@ -149,7 +149,7 @@ def guess_radii(parents: Sequence[int], positions: np.ndarray) -> np.ndarray:
     unit = size / 1.7
     radii = 0.08 * unit * (np.maximum(chain / unit, 0.03)) ** 0.7
     trunk = _trunk(parents, positions, chain)
-    for joint in np.flatnonzero(trunk):
+    for joint in np.flatnonzero(trunk).tolist():
         limbs = [k for k in children[joint] if not trunk[k]]
         reach = max((_bone(positions, k, joint) for k in limbs if chain[k] > 0.2 * size), default=0.0)
         radii[joint] = np.clip(0.7 * reach, 0.06 * size, 0.07 * size)
