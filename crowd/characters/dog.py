@@ -137,7 +137,7 @@ def _carry(poser: Poser, height: np.ndarray, tilt: np.ndarray, flex: np.ndarray,
     poser.turn("neck", pitch(-0.5 * tilt - 0.35 * flex))
 
 
-def _wag(poser: Poser, phase: np.ndarray, degrees: float, raised: float) -> None:
+def _wag(poser: Poser, phase: np.ndarray, degrees: float, raised: float | np.ndarray) -> None:
     wave = np.sin(2 * np.pi * phase)
     poser.turn("tail", compose(pitch(raised), yaw(degrees * wave)))
     poser.turn("tail_middle", compose(pitch(0.8 * raised), yaw(degrees * np.sin(2 * np.pi * (phase - 0.12)))))
