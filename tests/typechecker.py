@@ -4,13 +4,11 @@ An int passes for a float, a NumPy scalar for an array without axes.
 """
 
 import numpy as np
-from beartype import BeartypeConf, BeartypeHintOverrides, beartype
+from beartype import BeartypeConf, FrozenDict, beartype
 
 check = beartype(
     conf=BeartypeConf(
         is_pep484_tower=True,
-        hint_overrides=BeartypeHintOverrides(  # pyright: ignore[reportCallIssue]
-            {np.ndarray: np.ndarray | np.generic}
-        ),
+        hint_overrides=FrozenDict({np.ndarray: np.ndarray | np.generic}),
     )
 )
