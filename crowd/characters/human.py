@@ -193,7 +193,7 @@ def _gait(paths: dict, carriage: _Carriage) -> Poser:
 
 
 def _walk() -> Clip:
-    carriage = _Carriage(lean=3.0, twist=4.5, list=4.0, drop=0.0311, bob=0.0205, lowest=-0.004, surge=-0.01)
+    carriage = _Carriage(lean=3.0, twist=4.5, list=4.0, drop=0.0325, bob=0.0205, lowest=-0.004, surge=-0.01)
     poser = _gait(_walk_path(1.3, 0.6), carriage)
     phase = np.arange(_SAMPLES) / _SAMPLES
     for side, sign, start in _SIDES:
@@ -225,13 +225,14 @@ def _parts(at: dict[str, np.ndarray], index: dict[str, int]) -> list[Part]:
         return Part(index[joint], tuple(a + cut[0] * (b - a) + push), tuple(a + cut[1] * (b - a) + push), radii)
 
     parts = [
-        part("pelvis", (0.0, 0.0, 0.0), (0.0, 0.06, -0.005), (0.115, 0.105), (1.32, 1, 0.95)),
-        part("lumbar", (0.0, 0.0, 0.008), (0.0, 0.09, 0.005), (0.110, 0.108), (1.22, 1, 0.88)),
-        part("spine", (0.0, 0.0, 0.012), (0.0, 0.10, 0.01), (0.108, 0.118), (1.26, 1, 0.9)),
-        part("chest", (0.0, 0.0, 0.012), (0.0, 0.085, 0.0), (0.119, 0.105), (1.36, 1, 0.93)),
+        part("pelvis", (0.0, 0.0, 0.0), (0.0, 0.06, -0.005), (0.115, 0.105), (1.34, 1, 1.0)),
+        part("lumbar", (0.0, 0.0, 0.008), (0.0, 0.09, 0.005), (0.110, 0.108), (1.27, 1, 0.97)),
+        part("spine", (0.0, 0.0, 0.012), (0.0, 0.10, 0.01), (0.108, 0.118), (1.32, 1, 1.0)),
+        part("chest", (0.0, 0.0, 0.012), (0.0, 0.085, 0.0), (0.119, 0.105), (1.40, 1, 1.02)),
         part("neck", (0.0, -0.05, -0.01), (0.0, 0.09, 0.012), (0.068, 0.056)),
         part("head", (0.0, 0.078, 0.028), (0.0, 0.094, -0.006), (0.080, 0.084), (0.95, 1, 1.06)),
-        part("head", (0.0, 0.002, 0.052), (0.0, 0.05, 0.055), (0.044, 0.056), (1, 1, 1)),
+        part("head", (0.0, 0.002, 0.052), (0.0, 0.05, 0.055), (0.044, 0.056)),
+        part("head", (0.0, 0.055, 0.100), (0.0, 0.038, 0.117), (0.018, 0.020)),
     ]
     for side, sign in (("left", 1.0), ("right", -1.0)):
 
@@ -241,7 +242,7 @@ def _parts(at: dict[str, np.ndarray], index: dict[str, int]) -> list[Part]:
         upper, fore, hand = joint("upper_arm"), joint("forearm"), joint("hand")
         along = at[hand] - at[fore]
         along = along / np.linalg.norm(along)
-        knuckles, tips = at[hand] + 0.085 * along, at[hand] + 0.165 * along + np.array([0, 0, 0.02])
+        knuckles, tips = at[hand] + 0.085 * along, at[hand] + 0.155 * along + np.array([0, 0, 0.015])
         parts += [
             part("pelvis", (0.075 * sign, -0.055, -0.036), (0.08 * sign, -0.02, -0.036), (0.082, 0.08)),
             limb(joint("clavicle"), upper, (0.058, 0.056), (0.25, 0.95), (0, -0.008, 0)),
@@ -250,17 +251,17 @@ def _parts(at: dict[str, np.ndarray], index: dict[str, int]) -> list[Part]:
             limb(fore, hand, (0.045, 0.029)),
             limb(fore, hand, (0.048, 0.040), (0.12, 0.4)),
             Part(index[hand], tuple(at[hand]), tuple(knuckles), (0.029, 0.041), (0.66, 0.9, 1.0)),
-            Part(index[hand], tuple(knuckles), tuple(tips), (0.038, 0.019), (0.62, 0.9, 1.05)),
+            Part(index[hand], tuple(knuckles), tuple(tips), (0.038, 0.028), (0.62, 0.9, 1.05)),
             Part(
                 index[hand],
                 tuple(at[hand] + 0.02 * along + [0, 0, 0.018]),
                 tuple(at[hand] + 0.075 * along + [-0.004 * sign, 0, 0.048]),
                 (0.017, 0.014),
             ),
-            limb(joint("thigh"), joint("shank"), (0.090, 0.057), (0.03, 1.0)),
-            limb(joint("thigh"), joint("shank"), (0.078, 0.060), (0.2, 0.7), (0.004 * sign, 0, 0.012)),
-            limb(joint("shank"), joint("foot"), (0.056, 0.037)),
-            limb(joint("shank"), joint("foot"), (0.050, 0.044), (0.18, 0.5), (0, 0, -0.02)),
+            limb(joint("thigh"), joint("shank"), (0.087, 0.055), (0.03, 1.0)),
+            limb(joint("thigh"), joint("shank"), (0.076, 0.058), (0.2, 0.7), (0.004 * sign, 0, 0.012)),
+            limb(joint("shank"), joint("foot"), (0.053, 0.036)),
+            limb(joint("shank"), joint("foot"), (0.048, 0.042), (0.18, 0.5), (0, 0, -0.02)),
             part(joint("foot"), (0, -0.028, -0.03), (0, -0.03, -0.03), (0.036, 0.036)),
             part(joint("foot"), (0, -0.005, 0.0), (0.004 * sign, -0.042, 0.12), (0.042, 0.027), (1.12, 1, 1)),
             part(joint("foot"), (0, -0.036, -0.025), (0.004 * sign, -0.046, 0.125), (0.032, 0.024), (1.2, 1, 1)),
@@ -292,7 +293,7 @@ _STRIPS = (  # trunk, neck and head from below: height, z of the middle, forward
     (1.437, -0.022, (-0.3, 1.0)),
     (1.485, -0.012, (-0.2, 1.0)),
     (1.522, 0.020, (0.1, 1.0)),
-    (1.575, 0.015, (0.0, 1.0)),
+    (1.568, 0.015, (0.0, 1.0)),
     (1.635, 0.010, (0.1, 1.0)),
     (1.675, 0.005, (0.0, 1.0)),
 )
@@ -314,7 +315,7 @@ def _surface(parts: list[Part], at: dict[str, np.ndarray], index: dict[str, int]
     arm_rings = [
         *rings_along(shoulder, elbow, (0.24, 0.86)),
         *rings_along(elbow, wrist, (0.12, 0.4, 0.95)),
-        *rings_along(wrist, fist + np.array([0.0, 0.0, 0.02]), (0.4, 0.8)),
+        *rings_along(wrist, fist + np.array([0.0, 0.0, 0.02]), (0.42, 0.92)),
     ]
     loft.limb(hole_border(rows[4:7], (2, 3)), arm_rings, arm, 0.12)
     crotch = loft.vertex(loft.cast(np.array([0.0, 0.93, 0.0]), np.array([[0.0, -1.0, 0.0]]))[0])
