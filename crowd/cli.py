@@ -113,16 +113,24 @@ def check(scenario: ScenarioFile, overrides: Overrides = None) -> None:
 def rig(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Character: .glb, .gltf or .bvh.")],
     out: Annotated[Path | None, typer.Option(help="Write the rig description to this YAML file.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
 ) -> None:
     """Inspect a character file and propose its rig description: legs, arms, scale, facing and clips."""
-    from crowd.rig import propose
+    import os
 
-    text = propose(file)
-    if out is None:
-        print(text, end="")
-        return
-    _write(out, text)
-    print(f"wrote {out}")
+    from crowd.characters.description import dump
+    from crowd.characters.inspect import inspect
+    from crowd.errors import fail
+
+    if out is not None and out.exists() and not force:
+        raise fail(str(out), "exists; --force replaces it")
+    found = inspect(file)
+    print("\n".join(found.lines))
+    if out is not None:
+        asset = os.path.relpath(file, out.parent)
+        text = dump(found.description.model_copy(update={"asset": asset}), ["Proposed by crowd rig:", *found.lines])
+        _write(out, text)
+        print(f"wrote {out}; name it as a herd's archetype, or as its rig")
 
 
 @app.command()

@@ -139,6 +139,22 @@ def test_check_accepts_every_config(path: Path) -> None:
     assert re.search(r"memory about [\d.]+ .?B, recording about [\d.]+ .?B", done.stdout)
 
 
+def test_rig_reports_writes_and_is_used(shared_data: Path, tmp_path: Path) -> None:
+    fox = shared_data / "characters" / "Fox.glb"
+    done = crowd("rig", fox)
+    assert done.exit_code == 0, done.stderr
+    assert done.stdout.count("\nleg ") == 4
+    assert "walk" in done.stdout
+    out = tmp_path / "fox.rig.yaml"
+    assert crowd("rig", fox, "--out", out).exit_code == 0
+    again = crowd("rig", fox, "--out", out)
+    assert (again.exit_code, again.stderr) == (2, f"error: {out}: exists; --force replaces it\n")
+    assert crowd("rig", fox, "--out", out, "--force").exit_code == 0
+    checked = crowd("check", CONFIGS / "own_character.yaml", "--set", f"archetype={out}")
+    assert checked.exit_code == 0, checked.stderr
+    assert "(4 legs" in checked.stdout
+
+
 def test_check_compiles_nothing_and_writes_nothing(small: Path) -> None:
     import jax
 
