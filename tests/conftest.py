@@ -9,10 +9,13 @@ from jaxtyping import install_import_hook
 
 import tests.typechecker  # noqa: F401  (the hook below finds it by name)
 
-# Shapes and types are checked under pytest only.
-install_import_hook(["kernels", "crowd"], "tests.typechecker.check")
-
 REPOSITORY = Path(__file__).resolve().parents[1]
+# JAX fills its trees with whatever it carries through a transformation (shapes, shardings), not with arrays only.
+TREES = {"assets", "params", "state"}
+CHECKED = sorted({path.stem for path in (REPOSITORY / "crowd").iterdir() if path.suffix in (".py", "")} - TREES)
+
+# Shapes and types are checked under pytest only.
+install_import_hook(["kernels", *(f"crowd.{name}" for name in CHECKED)], "tests.typechecker.check")
 
 
 @pytest.fixture(scope="session")
