@@ -98,19 +98,24 @@ def write_metrics(rows: Iterable[Row], path: str | Path) -> Path:
 
 def print_metrics(rows: Iterable[Row], console: Any = None, depth: str = "all") -> None:
     """Print the rows of one depth (None of them: all) as a table; `console` is a rich Console."""
+    from rich import box
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title="Measures", title_justify="left")
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for name in ("herd", "quantity", "unit"):
-        table.add_column(name)
+        table.add_column(name, no_wrap=True)
     for name in ("mean", "median", "p95", "max", "n"):
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", no_wrap=True)
     for row in rows:
         if row.depth == depth:
-            numbers = (f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}" for value in astuple(row)[4:8])
+            numbers = (_short(value) for value in (row.mean, row.median, row.p95, row.max))
             table.add_row(row.herd, row.quantity, row.unit, *numbers, str(row.n))
     (console or Console()).print(table)
+
+
+def _short(value: float) -> str:
+    return "0" if abs(value) < 5e-5 else f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
 def _text(value: Any) -> Any:

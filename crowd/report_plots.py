@@ -231,14 +231,14 @@ def footprints(run: Any, scene: SceneLike, path: Path) -> Path:
     corners = []
     for number, herd in shown:
         data, color = Sampled(run, herd), herd_color(number)
-        position, prints, side = _prints(data)
+        position, prints, side, owner = _prints(data)
         whole.plot(position[..., 0], position[..., 2], color=color, linewidth=0.6, alpha=0.45)
         whole.plot(*prints[:, [0, 2]].T, ".", color=color, markersize=1.2, alpha=0.6, markeredgewidth=0)
         whole.plot([], [], color=color, linewidth=2.0, label=herd.name)
         both = np.concatenate([position.reshape(-1, 3), prints])[:, [0, 2]]
         corners += [both[np.isfinite(both).all(1)]]
         if number < len(near):
-            _near_by(near[number], whole, herd.name, position, prints, side, scene)
+            _near_by(near[number], whole, herd.name, position, prints, side, owner, scene)
     for value, (tint, text) in FEET.items():
         if any(leg.side == value for herd in scene.herds for leg in herd.archetype.legs):
             whole.plot([], [], "o", color=tint, markersize=5, label=text)
@@ -251,13 +251,21 @@ FEET = {1: (LEFT, "left foot"), -1: (RIGHT, "right foot"), 0: (QUIET, "middle fo
 
 
 def _near_by(
-    axes: Axes, whole: Axes, name: str, position: np.ndarray, prints: np.ndarray, side: np.ndarray, scene: SceneLike
+    axes: Axes,
+    whole: Axes,
+    name: str,
+    position: np.ndarray,
+    prints: np.ndarray,
+    side: np.ndarray,
+    owner: np.ndarray,
+    scene: SceneLike,
 ) -> None:
     """Paths and footprints on a small piece of ground, marked on the overview."""
     (left, right), (low, high) = _window(position)
-    axes.plot(position[..., 0], position[..., 2], color=QUIET, linewidth=0.7, alpha=0.8)
+    some = _apart(position, 0.5 * (left + right), 0.5 * (low + high))
+    axes.plot(position[:, some, 0], position[:, some, 2], color=QUIET, linewidth=0.7, alpha=0.8)
     for value, (tint, _) in FEET.items():
-        chosen = prints[side == value]
+        chosen = prints[(side == value) & np.isin(owner, some)]
         axes.plot(*chosen[:, [0, 2]].T, "o", color=tint, markersize=4.5, markeredgewidth=0, alpha=0.9)
     axes.set_aspect("equal")
     axes.set_xlim(right, left)
@@ -280,13 +288,30 @@ def _frame(axes: Axes, points: np.ndarray) -> None:
     _label(axes, "x in m", "z in m")
 
 
-def _prints(data: Sampled) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Paths [t, n, 3], places [S, 3] where feet were planted and their side [S]."""
+def _prints(data: Sampled) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Paths [t, n, 3], places [S, 3] where feet were planted, their side [S] and character [S]."""
     handle = data["handle"]
     stances = find_stances(np.nan_to_num(data["contact"]) > 0.5, data.alive)
     prints = handle[stances.first, stances.character, stances.leg]
     side = np.array([leg.side for leg in data.herd.archetype.legs], int)
-    return data["position"], prints, side[stances.leg] if len(stances) else np.zeros(0, int)
+    sides = side[stances.leg] if len(stances) else np.zeros(0, int)
+    return data["position"], prints, sides, stances.character
+
+
+def _apart(position: np.ndarray, x: float, z: float) -> list[int]:
+    """Characters that come near the point x, z, nearest first, whose paths keep 0.5 m apart: single tracks."""
+    distance = np.linalg.norm(position[..., [0, 2]] - [x, z], axis=-1)
+    nearest = np.min(np.where(np.isfinite(distance), distance, np.inf), axis=0)
+    chosen: list[int] = []
+    for person in np.argsort(nearest, kind="stable")[:200].tolist():
+        if nearest[person] > 3.5 or len(chosen) == 8:
+            break
+        path = position[:, person, [0, 2]]
+        path = path[np.isfinite(path).all(1)]
+        others = (position[:, other, [0, 2]][None, ::4] for other in chosen)
+        if all(np.nanmin(np.linalg.norm(path[::4, None] - other, axis=-1), initial=np.inf) > 0.5 for other in others):
+            chosen.append(person)
+    return chosen
 
 
 def _window(position: np.ndarray) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -45,16 +45,12 @@ class Camera:
         xy = np.stack([0.5 * size[0] + seen[..., 0] * scale, 0.5 * size[1] - seen[..., 1] * scale], -1)
         return xy, depth
 
-    def rays(self, size: tuple[int, int], top: int = 0, rows: int | None = None) -> np.ndarray:
-        """World direction [rows, w, 3] (float32) through each pixel centre, with length 1 along the viewing axis.
-
-        Of a picture of `size`, the rows from `top` on (all without `rows`).
-        """
-        right, up, forward = self.axes()
-        focal = self.focal(size[1])
-        x = (np.arange(size[0]) + 0.5 - 0.5 * size[0]) / focal
-        y = (0.5 * size[1] - top - np.arange(size[1] if rows is None else rows) - 0.5) / focal
-        return (x[None, :, None] * right + y[:, None, None] * up + forward).astype(np.float32)
+    def rays(self, x: np.ndarray, y: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+        """World directions [P, 3] (float32) through places x, y [P] of a picture, with length 1 along the view."""
+        right, up, forward = self.axes().astype(np.float32)
+        focal = np.float32(self.focal(size[1]))
+        across, upward = (x - np.float32(0.5 * size[0])) / focal, (np.float32(0.5 * size[1]) - y) / focal
+        return across[:, None] * right + upward[:, None] * up + forward
 
 
 def framing(

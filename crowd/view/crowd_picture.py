@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,14 +24,6 @@ WIDE_VIEW, CLOSE_VIEW = (40.0, 17.0), (62.0, 9.0)  # azimuth from the direction 
 # Linear colour and clarity (m) by density in kg/m3: water, mud, goo.
 FLUIDS = ((1000.0, (0.008, 0.12, 0.23), 1.3), (1840.0, (0.16, 0.095, 0.05), 0.45), (2750.0, (0.10, 0.19, 0.03), 0.6))
 NEEDED = ("pose_position", "pose_orientation", "joint_rotation", "joint_translation")
-
-
-@dataclass(frozen=True)
-class Shot:
-    """A moment and the group of characters that the close-up follows: (herd, character numbers)."""
-
-    frame: int
-    time: float
 
 
 def has_poses(run: Any) -> bool:
@@ -95,15 +86,14 @@ def extent(herd: HerdLike, position: np.ndarray) -> np.ndarray:
     return np.stack([position, position + top], 1)
 
 
-def wide_camera(run: Any, scene: SceneLike, frames: Sequence[int], size: tuple[int, int]) -> Camera:
-    """A camera that sees every character at all these frames."""
+def wide_camera(
+    run: Any, scene: SceneLike, frame: int, size: tuple[int, int], azimuth: float, view: tuple[float, float] = WIDE_VIEW
+) -> Camera:
+    """A camera that sees every character of the crowd, which travels towards `azimuth`."""
     clouds = [
-        extent(herd, np.asarray(run.herds[herd.name]["position"][frame], float)).reshape(-1, 3)
-        for herd in scene.herds
-        for frame in frames
+        extent(herd, np.asarray(run.herds[herd.name]["position"][frame], float)).reshape(-1, 3) for herd in scene.herds
     ]
-    azimuth = travel_azimuth(run, scene, frames) + WIDE_VIEW[0]
-    return framing(np.concatenate(clouds), size, azimuth, WIDE_VIEW[1], fov_deg=24.0, margin=0.04)
+    return framing(np.concatenate(clouds), size, azimuth + view[0], view[1], fov_deg=24.0, margin=0.04)
 
 
 def close_group(run: Any, scene: SceneLike, herd: HerdLike, frames: Sequence[int]) -> np.ndarray:
@@ -139,7 +129,7 @@ def nearest_frame(time: np.ndarray, moment: float) -> int:
 def crowd_pictures(
     run: Any, scene: SceneLike, moments: Sequence[float], size: tuple[int, int] = (1600, 700), follow: str | None = None
 ) -> list[tuple[float, Image.Image, Image.Image]]:
-    """For each moment in s: its time, the whole crowd (one camera for all moments) and a group from near by.
+    """For each moment in s: its time, the whole crowd and a group from near by.
 
     follow: name of the herd the close-ups show; default the first one. The close-up is 0.6 as wide. ValueError when the
     run has no poses.
@@ -148,12 +138,13 @@ def crowd_pictures(
         raise ValueError("poses were not recorded")
     frames = sorted({nearest_frame(run.time, moment) for moment in moments})
     herd = next((each for each in scene.herds if each.name == follow), scene.herds[0])
-    wide, near_size = wide_camera(run, scene, frames, size), (max(size[0] * 3 // 5, 1), size[1])
+    near_size = (max(size[0] * 3 // 5, 1), size[1])
     azimuth, group = travel_azimuth(run, scene, frames), close_group(run, scene, herd, frames)
 
     def shot(frame: int) -> tuple[float, Image.Image, Image.Image]:
         geometry = geometry_at(run, scene, frame)
         near = close_camera(run, scene, herd, group, frame, near_size, azimuth)
+        wide = wide_camera(run, scene, frame, size, azimuth)
         return float(run.time[frame]), draw(geometry, wide, size), draw(geometry, near, near_size)
 
     workers = min(len(frames), 4, os.cpu_count() or 1)

@@ -67,22 +67,54 @@ class Shader:
             occlusion,
         )
 
-    def band(self, top: int, triangle: np.ndarray, nearness: np.ndarray) -> np.ndarray:
-        """Colours [h, w, 3] of the picture's rows from `top` on, from what is visible there [h, w]."""
-        rays = self.camera.rays(self.size, top, len(triangle)).reshape(-1, 3)
-        seen = triangle.reshape(-1)
-        hit = seen >= 0
-        color = np.empty((len(seen), 3), F32)
+    def colors(
+        self, triangle: np.ndarray, nearness: np.ndarray, x: np.ndarray, y: np.ndarray, span: int = 1
+    ) -> np.ndarray:
+        """Colours [P, 3] at places x, y (px, pixel centres at +0.5) of the picture, from what is visible there [P].
+
+        span: px that each place stands for in width and height; patterns finer than that are smoothed.
+        """
+        angle = F32(span / self.camera.focal(self.size[1]))
+        rays = self.camera.rays(x, y, self.size)
+        hit = triangle >= 0
+        color = np.empty((len(triangle), 3), F32)
         clear = rays[~hit]
         color[~hit] = sky(clear / np.sqrt(_dot(clear, clear))[:, None])
-        distance = np.full(len(seen), np.inf, F32)
-        distance[hit] = 1.0 / nearness.reshape(-1)[hit]
+        distance = np.full(len(triangle), np.inf, F32)
+        distance[hit] = 1.0 / nearness[hit]
         if hit.any():
-            row, column = np.divmod(np.nonzero(hit)[0], self.size[0])
-            color[hit] = self._surface(seen[hit], rays[hit], distance[hit], row + top, column)
+            color[hit] = self._surface(triangle[hit], rays[hit], distance[hit], x[hit], y[hit], angle)
         for level in self.geometry.levels:
-            self._water(level, color, rays, distance)
-        return color.reshape(*triangle.shape, 3)
+            self._water(level, color, rays, distance, angle)
+        return color
+
+    def band(self, top: int, triangle: np.ndarray, nearness: np.ndarray, factor: int) -> np.ndarray:
+        """Colours [h, w, 3] of finished pixels, `factor` x `factor` of the picture's, from its rows `top` on.
+
+        triangle, nearness: what is visible there [h * factor, w * factor]. Pixels that see ground or sky alone are
+        coloured once at their centre, the others at each of their parts.
+        """
+        rows, columns = triangle.shape[0] // factor, triangle.shape[1] // factor
+        cut = (rows, factor, columns, factor)
+        parts = triangle.reshape(cut).transpose(0, 2, 1, 3).reshape(rows * columns, -1)
+        near = nearness.reshape(cut).transpose(0, 2, 1, 3).reshape(rows * columns, -1)
+        plain = (parts >= self.triangles.ground).all(1) | (parts < 0).all(1)
+        y, x = np.divmod(np.arange(rows * columns), columns)
+        color = np.empty((rows * columns, 3), F32)
+        centre = F32(0.5 * factor)
+        color[plain] = self.colors(
+            parts[plain, 0],
+            near[plain].mean(1),
+            x[plain].astype(F32) * factor + centre,
+            y[plain].astype(F32) * factor + centre + top,
+            factor,
+        )
+        within = np.arange(factor, dtype=F32) + F32(0.5)
+        fine_x = (x[~plain, None, None] * factor + within).repeat(factor, 1).astype(F32)
+        fine_y = (y[~plain, None, None] * factor + within[:, None] + top).repeat(factor, 2).astype(F32)
+        fine = self.colors(parts[~plain].ravel(), near[~plain].ravel(), fine_x.ravel(), fine_y.ravel())
+        color[~plain] = fine.reshape(-1, factor * factor, 3).mean(1)
+        return color.reshape(rows, columns, 3)
 
     def _haze(self, color: np.ndarray, distance: np.ndarray) -> np.ndarray:
         reach = F32(7.0 * np.linalg.norm(np.subtract(self.camera.eye, self.camera.target)) + 30.0)
@@ -90,11 +122,11 @@ class Shader:
         return color + haze * (HORIZON.astype(F32) - color)
 
     def _surface(
-        self, number: np.ndarray, ray: np.ndarray, depth: np.ndarray, row: np.ndarray, column: np.ndarray
+        self, number: np.ndarray, ray: np.ndarray, depth: np.ndarray, x: np.ndarray, y: np.ndarray, angle: np.float32
     ) -> np.ndarray:
         """Colours [P, 3] of the pixels that see a triangle."""
         points = np.asarray(self.camera.eye, F32) + ray * depth[:, None]
-        normal = self._normals(number, row, column)
+        normal = self._normals(number, x, y)
         unit = ray / np.sqrt(_dot(ray, ray))[:, None]
         on_ground = number >= self.triangles.ground
         cosine = -_dot(normal, unit)
@@ -104,8 +136,7 @@ class Shader:
             lit = self.shadow.lit(points + normal * F32(max(0.012, 2.0 * self.shadow.texel)))
         albedo = self.triangles.color[number].astype(F32)
         below = points[on_ground]
-        footprint = depth[on_ground] / F32(self.camera.focal(self.size[1]))
-        tone = grid_lines(below, footprint, np.maximum(cosine[on_ground], F32(0.04)))
+        tone = grid_lines(below, unit[on_ground], depth[on_ground] * angle, np.maximum(cosine[on_ground], F32(0.04)))
         open_sky = np.ones(len(points), F32)
         if self.occlusion is not None:
             open_sky[on_ground] = self.occlusion.at(below)
@@ -118,10 +149,10 @@ class Shader:
         color = albedo * diffuse(normal, lit, open_sky) + rim[:, None] * HORIZON.astype(F32)
         return self._haze(color, depth)
 
-    def _normals(self, number: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
-        """Corner normals interpolated (perspective-correct) at the pixels' centres [P, 3]."""
+    def _normals(self, number: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Corner normals interpolated (perspective-correct) at x, y in px [P, 3]."""
         origin, slope, near = self.corner[number], self.slope[number], self.near[number]
-        dx, dy = column.astype(F32) + F32(0.5) - origin[:, 0], row.astype(F32) + F32(0.5) - origin[:, 1]
+        dx, dy = x - origin[:, 0], y - origin[:, 1]
         corners = self.triangles.normals[number].astype(F32)
         normal = np.zeros((len(number), 3), F32)
         for k in range(3):
@@ -129,7 +160,9 @@ class Shader:
             normal += (np.clip(share, 0.0, 1.0) * near[:, k])[:, None] * corners[:, k]
         return normal / np.maximum(np.sqrt(_dot(normal, normal)), F32(1e-12))[:, None]
 
-    def _water(self, level: Level, color: np.ndarray, rays: np.ndarray, distance: np.ndarray) -> None:
+    def _water(
+        self, level: Level, color: np.ndarray, rays: np.ndarray, distance: np.ndarray, angle: np.float32
+    ) -> None:
         """Lay a fluid surface over the band, in place: what is below is tinted by its depth, the sky is mirrored."""
         with np.errstate(divide="ignore", invalid="ignore"):
             along = F32(level.height - self.camera.eye[1]) / rays[:, 1]
@@ -143,7 +176,7 @@ class Shader:
         length = (beyond * np.abs(ray[:, 1]) * F32(1.5) + np.minimum(beyond, 8.0) * F32(0.05)) / F32(level.clarity)
         through = np.exp(-length[:, None] * ABSORB)
         unit = ray / np.sqrt(_dot(ray, ray))[:, None]
-        normal = ripples(x, z, reach / F32(self.camera.focal(self.size[1])), np.abs(unit[:, 1]))
+        normal = ripples(x, z, reach * angle, np.abs(unit[:, 1]))
         facing = np.clip(-_dot(normal, unit), 0.02, 1.0)
         mirror = unit + 2 * facing[:, None] * normal
         fresnel = (F32(0.02) + F32(0.60) * (1 - facing) ** 5)[:, None]
@@ -156,16 +189,24 @@ class Shader:
         distance[pixel] = reach
 
 
-def grid_lines(points: np.ndarray, footprint: np.ndarray, slant: np.ndarray) -> np.ndarray:
-    """Factor [P] on the ground's colour: thin lines every metre, stronger every five, widened to the pixel."""
+def grid_lines(points: np.ndarray, unit: np.ndarray, footprint: np.ndarray, slant: np.ndarray) -> np.ndarray:
+    """Factor [P] on the ground's colour: thin lines every metre, stronger every five.
+
+    Lines are smoothed to the patch of ground that a pixel sees along `unit` [P, 3]: `footprint` [P] m across the view,
+    footprint / slant along it.
+    """
     factor = np.ones(len(points), F32)
-    width = footprint / np.sqrt(slant)
-    for every, half, depth in ((F32(1.0), F32(0.012), F32(0.13)), (F32(5.0), F32(0.022), F32(0.20))):
-        weight = depth * np.minimum(F32(1.0), F32(2.5) * half / width)
-        for axis in (0, 2):
+    flat = np.maximum(np.sqrt(unit[:, 0] ** 2 + unit[:, 2] ** 2), F32(1e-6))
+    for axis, other in ((0, 2), (2, 0)):
+        along, across = unit[:, axis] / flat, unit[:, other] / flat
+        width = footprint * np.sqrt((along / slant) ** 2 + across**2)
+        for every, half, depth in ((F32(1.0), F32(0.012), F32(0.13)), (F32(5.0), F32(0.022), F32(0.20))):
             place = points[:, axis] / every
             distance = np.abs(place - np.round(place)) * every
-            factor *= 1 - weight * np.clip((half - distance) / width + F32(0.5), 0.0, 1.0)
+            cover = np.clip((half - distance) / width + F32(0.5), 0.0, 1.0) * np.minimum(
+                F32(1.0), F32(2.2) * half / width
+            )
+            factor *= 1 - depth * cover
     return factor
 
 
