@@ -39,7 +39,7 @@ def find_arms(subject: Subject, legs: set[int], trunk: list[int], hips_height: f
         if length > found.get(key, (SHORTEST * subject.height, []))[0]:
             found[key] = (length, chain)
     divided = _agreeing([(chain, side, _divided(subject, chain)) for (_, side), (_, chain) in found.items()])
-    arms = [ArmChain(*(chain[k] for k in parts), side) for chain, side, parts in divided]
+    arms = [ArmChain(chain[a], chain[b], chain[c], side) for chain, side, (a, b, c) in divided]
     arms.sort(key=lambda a: (-round(rest[a.shoulder, 2] / (0.2 * subject.height)), -a.side))
     return arms if sum(a.side for a in arms) == 0 else []
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from crowd.characters.arms import ArmChain, find_arms
 from crowd.characters.attachment import reattached, wander
-from crowd.characters.description import RigDescription
+from crowd.characters.description import Axis, RigDescription
 from crowd.characters.facing import AXES, Facing, find_facing, rotation_to, upright
 from crowd.characters.limbs import (
     FootJoints,
@@ -24,13 +24,21 @@ from crowd.characters.limbs import (
     trunk_of,
 )
 from crowd.characters.locomotion import ClipReport, assess, best_idle, with_a_walk
-from crowd.characters.naming import arms_from, joint_index, legs_from
+from crowd.characters.naming import (
+    ankle_index,
+    arms_from,
+    check_attachments,
+    check_names,
+    clip_name,
+    joint_index,
+    legs_from,
+)
 from crowd.characters.raw_rig import RawRig
 from crowd.characters.size import metres_per_unit
 from crowd.characters.subject import Subject, prepare, shifted, turned
 from crowd.characters.tips import add_joint
 from crowd.characters.travel import in_place
-from crowd.errors import fail, nearest
+from crowd.errors import fail
 from crowd.types import ClipRole
 
 
@@ -39,8 +47,8 @@ class Detection:
     """What a rig is. `subject` is turned to y up, +z forward, and has a joint at every ankle; still in file units."""
 
     subject: Subject
-    up: str
-    forward: str  # nearest file axis
+    up: Axis
+    forward: Axis  # nearest file axis
     metres: float  # per file unit
     pelvis: int
     legs: tuple[LegChain, ...]  # front to hind, left before right; every `ankle` is a joint
@@ -57,16 +65,18 @@ def detect(raw: RawRig, description: RigDescription | None = None) -> Detection:
     given = description or RigDescription()
     notes, unsure = list(raw.notes), []
     up = given.up or raw.up or "+y"
+    check_names(raw, given)
     first = upright(up)
     subject = prepare(turned(raw, first))
     attach = {joint_index(raw, c, "attach"): joint_index(raw, p, "attach") for c, p in (given.attach or {}).items()}
+    check_attachments(subject, attach)
     subject, attached = reattached(subject, attach)
     notes += [
         f"'{raw.names[child]}' moves with '{raw.names[parent]}' and was attached to it"
         for child, parent in attached.items()
     ]
     feet = find_feet(subject) if given.legs is None else []
-    tips = [foot.tip for foot in feet] or [joint_index(raw, leg.ankle, "legs") for leg in given.legs or []]
+    tips = [foot.tip for foot in feet] or [ankle_index(raw, leg.ankle, "legs") for leg in given.legs or []]
     if not tips:
         raise _no_legs(raw)
     subject, travel_notes = in_place(subject, tips)
@@ -129,7 +139,7 @@ class _Rest:
     notes: list[str]
     unsure: list[str]
 
-    def finish(self, up: str, turn: np.ndarray, attached: dict[int, int]) -> Detection:
+    def finish(self, up: Axis, turn: np.ndarray, attached: dict[int, int]) -> Detection:
         subject, raw = self.subject, self.subject.raw
         length = [np.linalg.norm(raw.rest_position[s.chain[0]] - s.contact) for s in self.soles]
         leg = float(np.mean(length))
@@ -144,6 +154,12 @@ class _Rest:
         arms = self._arms(legs)
         subject, legs = with_tips(subject, legs)
         legs, names = named(subject, legs, [g.name for g in self.given.legs] if self.given.legs else None)
+        rows = {sole.chain[0]: k for k, sole in enumerate(self.soles)}
+        order = [rows[leg.chain[0]] for leg in legs]
+        clips = [
+            replace(r, duty=tuple(r.duty[k] for k in order), touchdown=tuple(r.touchdown[k] for k in order))
+            for r in clips
+        ]
         forward = max(AXES, key=lambda axis: float((turn @ AXES[axis])[2]))
         return Detection(
             subject,
@@ -214,7 +230,7 @@ class _Rest:
         if len(legs) < 2:
             raise _no_legs(self.subject.raw)
         legs = mirrored(legs)
-        self.unsure += [note for leg in legs for note in leg.notes]
+        self.unsure += [note for leg in legs if leg.side >= 0 for note in leg.notes]
         return legs
 
     def _arms(self, legs: list[LegChain]) -> list[ArmChain]:
@@ -225,19 +241,6 @@ class _Rest:
         own = {j for leg in legs for j in self.subject.below(leg.chain[0])}
         hips = self.subject.raw.rest_position[[leg.hip for leg in legs]]
         return find_arms(self.subject, own, self.trunk, float(hips[:, 1].mean()))
-
-
-def clip_name(raw: RawRig, name: str, role: str) -> str:
-    """A clip's name as in the file; also without the part before '|'. Raises InputError naming the nearest clip."""
-    names = [clip.name for clip in raw.clips]
-    if name in names:
-        return name
-    short = [full for full in names if full.split("|")[-1] == name]
-    if len(short) == 1:
-        return short[0]
-    raise fail(
-        f"{raw.path.name} clips.{role}", f"no clip '{name}'{nearest(name, names)}; clips: {', '.join(names[:30])}"
-    )
 
 
 def _no_gait(raw: RawRig, clips: list[ClipReport]) -> Exception:

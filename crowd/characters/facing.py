@@ -6,11 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from crowd.characters.description import Axis
 from crowd.characters.raw_rig import RawClip
 from crowd.characters.subject import Subject
 
-AXES: dict[str, np.ndarray] = {
-    f"{sign}{axis}": (1 if sign == "+" else -1) * np.eye(3)[k] for k, axis in enumerate("xyz") for sign in "+-"
+AXES: dict[Axis, np.ndarray] = {
+    "+x": np.array([1.0, 0, 0]),
+    "-x": np.array([-1.0, 0, 0]),
+    "+y": np.array([0, 1.0, 0]),
+    "-y": np.array([0, -1.0, 0]),
+    "+z": np.array([0, 0, 1.0]),
+    "-z": np.array([0, 0, -1.0]),
 }
 CONTACT = 0.04  # of the height above the ground: skin this low touches it
 
@@ -23,7 +29,7 @@ def rotation_to(up: np.ndarray, forward: np.ndarray) -> np.ndarray:
     return np.stack([np.cross(up, forward), up, forward])
 
 
-def upright(up: str) -> np.ndarray:
+def upright(up: Axis) -> np.ndarray:
     """Rotation matrix [3, 3] from a frame with the named up axis to y up, keeping +z (or else +x) horizontal."""
     axis = AXES[up]
     return rotation_to(axis, np.array([0.0, 0, 1]) if abs(axis[2]) < 0.5 else np.array([0.0, -1, 0]) * axis[2])
@@ -63,7 +69,10 @@ def find_facing(subject: Subject, tips: list[int], prior: np.ndarray) -> Facing:
 
 
 def stance_slide(subject: Subject, clip: RawClip, tips: list[int]) -> np.ndarray | None:
-    """Mean horizontal way [3] of the feet against the body while on the ground, per foot; None for falls and clips that are not cyclic."""
+    """Mean horizontal way [3] of the feet against the body while on the ground, per foot.
+
+    None for falls and for clips that are not cyclic.
+    """
     position = without_drift(clip)
     if np.linalg.norm(position[-1] - position[0], axis=-1).mean() > 0.06 * subject.height:
         return None

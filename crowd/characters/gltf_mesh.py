@@ -1,4 +1,4 @@
-"""Meshes of a glTF file merged into one skinned mesh: several skins and primitives, rigid parts, un-indexed triangles."""
+"""Meshes of a glTF file merged into one skinned mesh: several skins and primitives, rigid and un-indexed parts."""
 
 from __future__ import annotations
 
@@ -112,8 +112,14 @@ def read_mesh(
     inverse_bind = np.tile(np.eye(4), (tree.count, 1, 1))
     for joint, bind in merged.inverse_bind.items():
         inverse_bind[joint] = bind
-    parts = (merged.vertices, merged.triangles, merged.joints, merged.weights)
-    return RawMesh(*(np.concatenate(part) for part in parts), inverse_bind), merged.notes
+    mesh = RawMesh(
+        np.concatenate(merged.vertices),
+        np.concatenate(merged.triangles),
+        np.concatenate(merged.joints),
+        np.concatenate(merged.weights),
+        inverse_bind,
+    )
+    return mesh, merged.notes
 
 
 def _add_skinned(
@@ -283,6 +289,7 @@ def _influences(
     if np.any(total <= 1e-6):
         raise fail(
             document.where(f"{place} WEIGHTS"),
-            f"all weights of vertex {int(np.argmin(total[:, 0]))} are zero ({int(np.sum(total <= 1e-6))} such vertices)",
+            f"all weights of vertex {int(np.argmin(total[:, 0]))} are zero "
+            f"({int(np.sum(total <= 1e-6))} such vertices)",
         )
     return joint, weight / total

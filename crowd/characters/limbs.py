@@ -110,7 +110,7 @@ def limb_places(subject: Subject, tips: list[int]) -> np.ndarray:
     chains = [subject.above(tip) for tip in tips]
     for chain in chains:
         counts[chain] += 1
-    return np.stack([chain_place(subject, [j for j in chain if counts[j] == 1]) for chain in chains])
+    return np.stack([chain_place(subject, [j for j in c if counts[j] == 1] or c[:1]) for c in chains])
 
 
 def chain_place(subject: Subject, chain: Sequence[int]) -> np.ndarray:

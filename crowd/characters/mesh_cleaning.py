@@ -74,7 +74,7 @@ def _parts(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def signed_volume(vertices: np.ndarray, triangles: np.ndarray) -> float:
-    """Volume enclosed by triangles, positive where normals point outwards; open parts are measured from their middle."""
+    """Volume inside triangles, positive where normals point outwards; open parts are measured from their middle."""
     corners = vertices[triangles] - vertices[triangles].reshape(-1, 3).mean(0)
     return float(np.einsum("tc,tc->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0)
 

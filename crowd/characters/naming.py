@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from crowd.characters.arms import ArmChain
-from crowd.characters.description import ArmDescription, LegDescription
+from crowd.characters.description import ArmDescription, LegDescription, RigDescription
 from crowd.characters.limbs import FootJoints, contact_point
 from crowd.characters.raw_rig import RawRig
 from crowd.characters.subject import Subject
@@ -22,8 +22,78 @@ def joint_index(raw: RawRig, name: str, key: str) -> int:
     raise fail(f"{raw.path.name} {key}", f"no joint '{name}'{nearest(name, raw.names)}; joints: {listed}")
 
 
+def ankle_index(raw: RawRig, name: str, key: str) -> int:
+    """Index of an ankle, or of the joint whose bare tip it is ("tibia.tip")."""
+    return joint_index(raw, name.removesuffix(TIP) if name not in raw.names else name, key)
+
+
+def clip_name(raw: RawRig, name: str, key: str) -> str:
+    """A clip's full name; the part before '|' may be left out. Raises InputError with the nearest known name."""
+    names = [clip.name for clip in raw.clips]
+    if name in names:
+        return name
+    short = [full for full in names if full.split("|")[-1] == name]
+    if len(short) == 1:
+        return short[0]
+    raise fail(
+        f"{raw.path.name} clips.{key}", f"no clip '{name}'{nearest(name, names)}; clips: {', '.join(names[:30])}"
+    )
+
+
+def check_names(raw: RawRig, given: RigDescription) -> None:
+    """Raises InputError with every joint and clip of the description that the file does not have."""
+    problems: list[Problem] = []
+
+    def wanted(find: Callable[[RawRig, str, str], object], name: str | None, key: str) -> None:
+        try:
+            if name is not None:
+                find(raw, name, key)
+        except InputError as error:
+            problems.extend(error.problems)
+
+    wanted(joint_index, given.pelvis, "pelvis")
+    for number, leg in enumerate(given.legs or []):
+        for part in ("hip", "knee"):
+            wanted(joint_index, getattr(leg, part), f"legs[{number}].{part}")
+        for part in ("ankle", "ball"):
+            wanted(ankle_index, getattr(leg, part), f"legs[{number}].{part}")
+    for number, arm in enumerate(given.arms or []):
+        for part in ("shoulder", "elbow", "hand"):
+            wanted(joint_index, getattr(arm, part), f"arms[{number}].{part}")
+    for child, parent in (given.attach or {}).items():
+        wanted(joint_index, child, "attach")
+        wanted(joint_index, parent, f"attach.{child}")
+    for role in ("idle", "walk", "run", "other"):
+        listed = getattr(given.clips, role)
+        for name in [listed] if isinstance(listed, str) else listed or []:
+            wanted(clip_name, name, role)
+    if problems:
+        raise InputError(problems)
+
+
+def check_attachments(subject: Subject, attach: Mapping[int, int]) -> None:
+    """Raises InputError where a joint is attached to itself or to something that hangs from it."""
+    parents = list(subject.parents)
+    for child, parent in attach.items():
+        parents[child] = parent
+    names = subject.raw.names
+    for child, parent in attach.items():
+        above, seen = parent, {child}
+        while above >= 0 and above not in seen:
+            seen.add(above)
+            above = parents[above]
+        if above >= 0:
+            raise fail(
+                f"{subject.raw.path.name} attach.{names[child]}",
+                f"'{names[parent]}' hangs from '{names[child]}' itself",
+            )
+
+
 def legs_from(subject: Subject, legs: Sequence[LegDescription]) -> tuple[list[FootJoints], list[int]]:
-    """Feet of described legs and the trunk joints above two or more of them. Every unknown joint is reported at once."""
+    """Feet of described legs, and the trunk joints above two or more of them.
+
+    Raises InputError with every unknown or misplaced joint.
+    """
     if len(legs) < 1:
         raise fail(f"{subject.raw.path.name} legs", "the list is empty; leave it out to have legs detected")
     problems: list[Problem] = []
@@ -72,11 +142,12 @@ def _foot(subject: Subject, leg: LegDescription, key: str) -> FootJoints:
     up = subject.above(found["ball"])
     chain = tuple(up[: up.index(found["hip"]) + 1][::-1])
     ball = found["ball"]
-    level = float(subject.rest_lowest[[j for j in subject.below(ball) if subject.carries[j]] or [ball]].min())
     ankle = None if tip else found["ankle"]
+    treading = subject.below(ball if ankle is None else ankle)
+    level = float(subject.rest_lowest[[j for j in treading if subject.carries[j]] or [ball]].min())
     flat = ball != found["ankle"]
     contact = contact_point(subject, ankle, ball, flat, level)
-    sole = tuple(j for j in subject.below(ball if ankle is None else ankle) if subject.carries[j]) or (ball,)
+    sole = tuple(j for j in treading if subject.carries[j]) or (ball,)
     return FootJoints(chain, ankle, ball, contact, sole if ankle is not None else (ball,))
 
 

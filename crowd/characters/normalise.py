@@ -6,6 +6,7 @@ out, clips in place and uniformly sampled. Global motion is kept exactly; only t
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,7 +49,7 @@ def examined(raw: RawRig, given: RigDescription) -> tuple[RawRig, Detection]:
     ready = prepare(_sized(raw), up)
     # The rig is y up now, and so must be what the description says of the file's axes.
     turn = upright(up)
-    axes = {"up": None}
+    axes: dict[str, str | None] = {"up": None}
     if given.forward is not None:
         ahead = turn @ AXES[given.forward]
         axes["forward"] = max(AXES, key=lambda axis: float(AXES[axis] @ ahead))
@@ -124,7 +125,7 @@ def _check_bones(found: Detection) -> None:
     raw, problems = found.subject.raw, []
     for leg, name in zip(found.legs, found.leg_names, strict=True):
         parts = [("hip", leg.hip), ("knee", leg.knee), ("ankle", leg.ankle)]
-        for (upper, a), (lower, b) in zip(parts, parts[1:], strict=False):
+        for (upper, a), (lower, b) in itertools.pairwise(parts):
             length = np.linalg.norm(raw.rest_position[a] - raw.rest_position[b or 0])
             if length < 0.005 * found.subject.height:
                 problems.append(

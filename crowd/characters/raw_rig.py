@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from crowd.characters.description import Axis
+
 
 @dataclass(frozen=True, eq=False)
 class RawClip:
@@ -56,7 +58,7 @@ class RawRig:
     rest_rotation: np.ndarray  # [J, 4] wxyz, joint to file frame
     clips: tuple[RawClip, ...]
     mesh: RawMesh | None  # None: skeleton only
-    up: str | None = None  # axis the format prescribes ("+y" for glTF), None: unknown
+    up: Axis | None = None  # axis the format prescribes ("+y" for glTF), None: unknown
     metres_per_unit: float | None = None  # what the format prescribes (glTF: 1), None: unknown
     notes: tuple[str, ...] = field(default=())
 

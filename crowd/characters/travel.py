@@ -25,7 +25,7 @@ def in_place(subject: Subject, feet: list[int]) -> tuple[Subject, list[str]]:
     travels = [_travel(clip) > TRAVELS * subject.height for clip in clips]
     if not any(travels) and not any(_loops(subject, clip) for clip in clips):
         travels = [True] * len(clips)
-    out, notes = [], []
+    out, notes, failed = [], [], []
     for clip, moves in zip(clips, travels, strict=True):
         if not moves:
             out.append(clip)
@@ -37,7 +37,9 @@ def in_place(subject: Subject, feet: list[int]) -> tuple[Subject, list[str]]:
             )
         except InputError as error:
             out.append(clip)
-            notes.append(f"clip '{clip.name}' gives no stride: {error.problems[0].message}")
+            failed.append(f"clip '{clip.name}' gives no stride: {error.problems[0].message}")
+    if not notes and not any(_loops(subject, clip) for clip in clips):
+        notes = failed  # falls and the like need no word beside clips that loop
     return replace(subject, raw=replace(subject.raw, clips=tuple(out))), notes
 
 
