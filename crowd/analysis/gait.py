@@ -2,7 +2,8 @@
 
 A foot is planted while its contact point is low (against this leg's own lowest level) and moves backward with the
 ground, or rests on it while the body pauses (a stalking walk). Height alone is not enough: galloping feet swing
-forward low before they land.
+forward low before they land. Where the speed is known, a foot that moves exactly as the ground does counts up
+to a larger height: it rolls.
 """
 
 from __future__ import annotations
@@ -74,7 +75,7 @@ def analyse(archetype: Archetype, clip: Clip, samples: int = 64) -> Gait:
     lengths = leg_lengths(archetype)
     if np.all(np.ptp(contact, axis=0).max(-1) < 0.02 * lengths):
         raise fail(where, "no foot moves by more than 2 % of its leg's length, so this is not a walk")
-    planted, direction, notes = _stances(archetype, contact, lengths, period)
+    planted, direction, notes = _stances(archetype, contact, lengths, period, clip.speed)
     if strides > 1:
         notes.insert(0, f"clip '{clip.name}' holds {strides} strides; their mean is used")
     lift, duty = _intervals(planted)
@@ -148,21 +149,27 @@ def _velocity(contact: np.ndarray, period: float) -> np.ndarray:
 
 
 def _stances(
-    archetype: Archetype, contact: np.ndarray, lengths: np.ndarray, period: float
+    archetype: Archetype, contact: np.ndarray, lengths: np.ndarray, period: float, speed: float | None
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Planted mask [FINE, L] with one interval per leg, travel direction [2] and notes."""
     height = contact[..., 1] - np.percentile(contact[..., 1], 2, axis=0)
-    level = np.maximum(0.15 * np.percentile(height, 98, axis=0), 0.012 * lengths)
+    rise = np.percentile(height, 98, axis=0)
+    level = np.maximum(0.15 * rise, 0.012 * lengths)
     low = height < level
     velocity = _velocity(contact, period)[..., [0, 2]]
     direction, pace = _travel(velocity, low, lengths, period)
+    pace = speed if speed is not None and pace > 0 else pace
     backward = -velocity @ direction
+    follows = np.linalg.norm(velocity + pace * direction, axis=-1) < 0.2 * pace
+    usual = np.array([np.median(h[f]) if f.any() else 0.0 for h, f in zip(height.T, follows.T, strict=True)])
+    rolls = follows & (height < np.maximum(usual + 0.25 * rise, level)) & (speed is not None)
     notes: list[str] = []
     planted = np.zeros_like(low)
     for leg, name in enumerate(leg.name for leg in archetype.legs):
         moving = (backward[:, leg] > 0.25 * pace) | _pause(height[:, leg], velocity[:, leg], level[leg], pace)
         near = height[:, leg] < 2 * level[leg]
-        choices = [low[:, leg] & moving, low[:, leg], moving] if pace > 0 else [low[:, leg]]
+        stands = (low[:, leg] & moving) | rolls[:, leg]
+        choices = [stands, low[:, leg], moving] if pace > 0 else [low[:, leg]]
         runs = [_longest_run(_closed(choice, near)) for choice in choices]
         usable = [run for run in runs if 0.05 * FINE <= run[1] <= 0.95 * FINE]
         if not usable:

@@ -8,16 +8,30 @@ import numpy as np
 
 from crowd.characters.bvh_text import Bvh, parse
 from crowd.characters.cycle import to_global
+from crowd.characters.description import RigDescription
+from crowd.characters.mocap import prepare
+from crowd.characters.normalise import character_from_rig
 from crowd.characters.raw_rig import RawClip, RawRig
 from crowd.posing import multiply
 from crowd.resampling import align_hemispheres
+from crowd.types import Archetype
+
+
+def load(path: Path, description: RigDescription | None = None) -> Archetype:
+    """The character of a BVH file: one stride in place, a standing pose and a generated body. Raises InputError."""
+    return character_from_rig(read(path), description)
+
+
+def read_rig(path: Path, up: str | None = None, metres_per_unit: float | None = None) -> RawRig:
+    """A BVH file as a rig that detection understands (see `mocap.prepare`). Raises InputError naming file and line."""
+    return prepare(read(path), up, metres_per_unit)
 
 
 def read(path: Path) -> RawRig:
     """The joints of a BVH file with its one motion, in file units and axes; End Sites are joints named "<joint> end".
 
     The rest pose is the tree's own: every rotation zero. Whether that is a pose to stand in, what up is and where the
-    motion repeats is decided by `mocap.read_rig`.
+    motion repeats is decided by `mocap.prepare`.
     Raises InputError naming file and line.
     """
     return to_rig(parse(path))

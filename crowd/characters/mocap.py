@@ -7,12 +7,10 @@ the tree's own, or is put together from the strides (each leg as it stands under
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 
 from crowd.characters.binding import with_body
-from crowd.characters.bvh import read
 from crowd.characters.cycle import CyclePiece, extract_cycle, to_global, to_local
 from crowd.characters.pruning import pruned
 from crowd.characters.raw_rig import RawClip, RawRig
@@ -37,11 +35,6 @@ class Motion:
     height: float  # file units, extent of the joints along y
     feet: list[int]  # joints that come near the ground
     travel: dict[str, np.ndarray] = field(default_factory=dict)  # velocity [3] taken out of each clip that travelled
-
-
-def read_rig(path: Path, up: str | None = None, metres_per_unit: float | None = None) -> RawRig:
-    """A BVH file as a rig that detection understands (see `prepare`). Raises InputError naming file and line."""
-    return prepare(read(path), up, metres_per_unit)
 
 
 def prepare(raw: RawRig, up: str | None = None, metres_per_unit: float | None = None) -> RawRig:

@@ -129,6 +129,8 @@ class _Tree:
             if parent < 0 or not children or self.gap(parent, joint) > 0.1 * self.height:
                 continue
             zero = self.gap(parent, joint) < 0.003 * self.height
+            if joint in self.feet and not zero:
+                continue  # the ball of a foot matters even where it does not bend
             if (zero or len(children) == 1) and self._is_static(joint, parent) and self._on_course(joint):
                 for child in children:
                     self.parents[child] = parent

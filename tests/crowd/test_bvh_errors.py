@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from crowd.characters import bvh, mocap
+from crowd.characters import bvh
 from crowd.errors import InputError
 from tests.crowd.bvh_files import MINIMAL, walker
 
@@ -133,6 +133,6 @@ def test_motion_without_a_cycle(tmp_path: Path, name: str) -> None:
     path = tmp_path / "bad.bvh"
     path.write_text(text)
     with pytest.raises(InputError) as caught:
-        mocap.read_rig(path)
+        bvh.read_rig(path)
     assert caught.value.problems[0].where.startswith("bad.bvh")
     assert words in caught.value.problems[0].message, str(caught.value)
