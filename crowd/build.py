@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
-
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -18,7 +15,6 @@ from crowd.scenario_world import Sigmoid as SigmoidModel
 from crowd.scene import HerdScene, Scene, by_priority
 from crowd.state import State
 
-T = TypeVar("T")
 Program = tuple[Layout, Assets, Params, tuple[State, ...]]
 
 # Gains that behaved for a person of 70 kg and 1.70 m; others are scaled with mass and size (Froude similarity).
@@ -43,17 +39,13 @@ def build(scene: Scene, devices: int = 1, walls: bool = True, tile: int = TILE) 
     """The program of a scene. Characters are padded to whole tiles, tiles to a multiple of `devices`."""
     layout = _layout(scene, walls)
     assets = Assets(tuple(herd_assets(herd) for herd in scene.herds), _world(scene))
-    characters = [_character(scene, herd) for herd in scene.herds]
     params = Params(
         fluids=_fluids(scene),
         control=_control(),
         events=_events(scene),
-        characters=tuple(_tiled_tree(one, devices, tile) for one in characters),
+        characters=tuple(Character(**_tiled(_character(scene, herd), devices, tile)) for herd in scene.herds),
     )
-    states = tuple(
-        _tiled_tree(initial_state(scene, herd, layout, number), devices, tile)
-        for number, herd in enumerate(scene.herds)
-    )
+    states = tuple(State(**_tiled(initial_state(scene, herd, layout), devices, tile)) for herd in scene.herds)
     return layout, assets, params, states
 
 
@@ -69,8 +61,8 @@ def tiled(values: np.ndarray, devices: int, tile: int) -> Array:
     return jnp.asarray(np.ascontiguousarray(np.moveaxis(split, -2, 0)).astype(kind))
 
 
-def _tiled_tree(tree: T, devices: int, tile: int) -> T:
-    return jax.tree.map(lambda leaf: tiled(leaf, devices, tile), tree)
+def _tiled(fields: dict[str, np.ndarray], devices: int, tile: int) -> dict[str, Array]:
+    return {name: tiled(values, devices, tile) for name, values in fields.items()}
 
 
 def _layout(scene: Scene, walls: bool) -> Layout:
@@ -176,8 +168,8 @@ def _events(scene: Scene) -> Events:
     )
 
 
-def _character(scene: Scene, herd: HerdScene) -> Character:
-    """Per-character parameters, not yet in tiles."""
+def _character(scene: Scene, herd: HerdScene) -> dict[str, np.ndarray]:
+    """Fields of a herd's `Character`, not yet in tiles."""
     mass, scale = herd.mass, herd.scale
     heavy = mass / PERSON_MASS
     size = scale * _extent(herd) / PERSON_SIZE
@@ -192,7 +184,7 @@ def _character(scene: Scene, herd: HerdScene) -> Character:
     offset = np.zeros((2, herd.count))
     if way and way.keep_formation:
         offset = (herd.points - herd.points.mean(0)).T
-    return Character(
+    return dict(
         scale=scale,
         mass=mass,
         speed=herd.speed,
@@ -201,7 +193,7 @@ def _character(scene: Scene, herd: HerdScene) -> Character:
         impulse=_chosen(scene, herd, impulses=True),
         turn=_chosen(scene, herd, impulses=False),
         **values,
-    )  # pyright: ignore[reportArgumentType]
+    )
 
 
 def _extent(herd: HerdScene) -> float:

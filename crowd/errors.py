@@ -36,6 +36,6 @@ def fail(where: str, message: str) -> InputError:
 
 
 def nearest(name: str, known: Sequence[str]) -> str:
-    """" (did you mean 'x'?)" for the known name closest to `name`, or an empty string when none is near."""
+    """ " (did you mean 'x'?)" for the known name closest to `name`, or an empty string when none is near."""
     match = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     return f" (did you mean '{match[0]}'?)" if match else ""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -144,11 +146,11 @@ def _bend(rig: Archetype, gaits: tuple[Gait, ...]) -> np.ndarray:
 
 
 def _length(at: np.ndarray, *joints: int) -> float:
-    return float(sum(np.linalg.norm(at[a] - at[b]) for a, b in zip(joints, joints[1:], strict=False)))
+    return float(sum(np.linalg.norm(at[a] - at[b]) for a, b in itertools.pairwise(joints)))
 
 
 def _influences(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """Bones [V, k] and, per influence, weighted bind-frame vertices and weights [k, 4, V]; k is as small as possible."""
+    """Bones [V, k] and, per influence, weighted bind-frame vertices and weights [k, 4, V]; k as small as possible."""
     order = np.argsort(-mesh.weights, axis=1, kind="stable")
     joints, weights = np.take_along_axis(mesh.joints, order, 1), np.take_along_axis(mesh.weights, order, 1)
     used = max(1, int((weights > 1e-4).sum(1).max()))

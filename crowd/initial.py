@@ -8,11 +8,10 @@ from crowd import ground
 from crowd.analysis.gait import feet
 from crowd.layout import Layout
 from crowd.scene import HerdScene, Scene
-from crowd.state import State
 
 
-def initial_state(scene: Scene, herd: HerdScene, layout: Layout, number: int) -> State:
-    """State of a herd's characters, not yet in tiles; NumPy leaves with trailing axis n."""
+def initial_state(scene: Scene, herd: HerdScene, layout: Layout) -> dict[str, np.ndarray]:
+    """Fields of a herd's `State`, not yet in tiles: trailing axis n."""
     count, legs = herd.count, len(herd.archetype.legs)
     zero = np.zeros(count)
     desired, follows = _desired(herd)
@@ -28,7 +27,7 @@ def initial_state(scene: Scene, herd: HerdScene, layout: Layout, number: int) ->
         previous[0] = 1.0
     if not layout.regions:
         previous = np.zeros((0, count), np.float32)
-    return State(  # pyright: ignore[reportArgumentType]
+    return dict(
         frame=np.zeros(count, np.int32),
         position=np.stack([x, ground.height(scene.terrain, x, z), z]),
         velocity=desired,

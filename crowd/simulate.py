@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import functools
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any
 
 import jax
@@ -70,7 +72,7 @@ def rollout(
     states: tuple[State, ...],
     frames: Array,
     flag: Array,
-) -> tuple[tuple[State, ...], tuple[tuple[State, Frame], ...]]:
+) -> tuple[tuple[State, ...], tuple[tuple[dict[str, Array], Frame], ...]]:
     """Up to `chunk` recorded frames (of `record_every` steps each), and no step beyond the `frames` still to go.
 
     Returns the states and, stacked over recorded frames, what `unpacked` reads. The program is the same for every
@@ -238,3 +240,13 @@ def _untiled(values: np.ndarray, count: int) -> np.ndarray:
     flat = moved.reshape(values.shape[0], moved.shape[1] * moved.shape[2], *moved.shape[3:])[:, :count]
     # components first (3, joints) to last (joints, 3)
     return flat if flat.ndim < 4 else np.moveaxis(flat, 2, -1)
+
+
+class _CallableModule(ModuleType):
+    """Importing this module gives its name in the package to it; `crowd.simulate(scene)` means the function still."""
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Result:
+        return simulate(*args, **kwargs)
+
+
+sys.modules[__name__].__class__ = _CallableModule

@@ -77,8 +77,10 @@ def step(
                 wall,
             )
             previous = moved
-    frame = wall(
-        lambda c, s, p, h, g, t, f: record.frame(layout, herd, c, s, p, h, g, t, f),
-        character, state, place, hung, legs, transforms, load,
-    )  # fmt: skip
+    with jax.named_scope("record"):
+        rotation = record.joint_rotations(layout, herd, hung, transforms, wall)
+        frame = wall(
+            lambda s, p, h, g, r, f: record.frame(layout, s, p, h, g, r, f),
+            state, place, hung, legs, rotation, load,
+        )  # fmt: skip
     return dataclasses.replace(state, frame=state.frame + 1, previous=previous), frame

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from typing import TypeVar
+from typing import TypeVar, dataclass_transform
 
 import jax
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 T = TypeVar("T")
 
 
+@dataclass_transform(frozen_default=True)
 def pytree(cls: type[T]) -> type[T]:
     """A frozen dataclass whose every field is a pytree child. No validation: JAX calls it on every unflatten."""
     frozen = dataclasses.dataclass(frozen=True)(cls)

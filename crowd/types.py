@@ -101,7 +101,7 @@ class Archetype:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Poses of many characters of one archetype over time, on the host. Leading shape `*b` is e.g. (time, character)."""
+    """Poses of many characters of one archetype on the host. Leading shape `*b` is e.g. (time, character)."""
 
     position: np.ndarray  # [*b, 3] m, world, of the frame the skeleton hangs from
     orientation: np.ndarray  # [*b, 4] wxyz, character to world

@@ -6,18 +6,17 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 
-def _decay(z: Float[Array, "*b"]) -> tuple[Float[Array, "*b"], Float[Array, "*b"], Float[Array, "*b"]]:
-    """exp(-z), (1 - exp(-z)) / z and (1 - (1 - exp(-z)) / z) / z, finite at z = 0 (1, 1 and 1/2)."""
+def _decay(z: Float[Array, "*b"]) -> tuple[Float[Array, "*b"], Float[Array, "*b"]]:
+    """(1 - exp(-z)) / z and (1 - (1 - exp(-z)) / z) / z, finite at z = 0 (1 and 1/2)."""
     small = z < 1e-2
     safe = jnp.where(small, 1.0, z)
-    e = jnp.exp(-z)
     first = jnp.where(small, 1.0 - z * (0.5 - z * (1.0 / 6.0 - z / 24.0)), (1.0 - jnp.exp(-safe)) / safe)
     second = jnp.where(
         small,
         0.5 - z * (1.0 / 6.0 - z * (1.0 / 24.0 - z / 120.0)),
         (1.0 - (1.0 - jnp.exp(-safe)) / safe) / safe,
     )
-    return e, first, second
+    return first, second
 
 
 def velocity(
@@ -38,8 +37,7 @@ def velocity(
     """
     inertia = mass + damping
     acceleration = (force + gain * (desired - v)) / inertia
-    e, first, second = _decay((gain + drag) / inertia * dt)
-    del e
+    first, second = _decay((gain + drag) / inertia * dt)
     return v + acceleration * dt * first, v * dt + acceleration * dt * dt * second
 
 
@@ -54,7 +52,7 @@ def orientation(
     damping: Float[Array, "*b"],
     dt: float,
 ) -> tuple[Float[Array, "*b"], Float[Array, "*b"]]:
-    """Angle and angular rate after dt of I a'' = tau - c (a' - a'_0) + k (a_d - a) - b a' (Eq. 2), a damped oscillator.
+    """Angle and rate after dt of I a'' = tau - c (a' - a'_0) + k (a_d - a) - b a' (Eq. 2), a damped oscillator.
 
     `desired` is the nearest equivalent of the wanted angle (wrap the difference first). c >= 0: slope of the torque with
     the rate. Closed form for under-, critically and over-damped gains; finite for k = b = 0.

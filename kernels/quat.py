@@ -70,9 +70,10 @@ def about_x(angle: Float[Array, "*b"]) -> Float[Array, "4 *b"]:
 def between(a: Float[Array, "3 *b"], b: Float[Array, "3 *b"]) -> Float[Array, "4 *b"]:
     """Smallest rotation that takes unit vector a to unit vector b, without trigonometry.
 
-    For exactly opposite vectors every axis is as good; the result is then the identity, and finite.
+    For exactly opposite vectors every axis is as good; the result is then the identity. Unit however near to opposite.
     """
     ax, ay, az = a
     bx, by, bz = b
-    w = 1.0 + ax * bx + ay * by + az * bz
-    return normalize(jnp.stack([w + 1e-7, ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]))
+    w = jnp.maximum(1.0 + ax * bx + ay * by + az * bz, 0.0) + 1e-7  # rounding may leave it negative
+    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return jnp.stack([w, x, y, z]) / jnp.sqrt(w * w + x * x + y * y + z * z)

@@ -30,7 +30,7 @@ def forward_kinematics(
 ) -> Float[Array, "7 joints *b"]:
     """Every joint's rotation (rows 0-3) and position (rows 4-6) in the frame that holds the root.
 
-    rotation, translation: joint to parent, m (already scaled). The tree's roots hang from (root_rotation, root_position).
+    rotation, translation: joint to parent, m (already scaled). The tree's roots hang from root_rotation, root_position.
     Rotations need not be unit: they are normalised first. One wall per level: a chain fused into one loop is slow.
     """
 

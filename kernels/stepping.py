@@ -2,8 +2,8 @@
 
 One clock per character, its phase in cycles of the clip; leg i lifts off when the clock passes `lift_i` and swings for
 1 - duty_i of a cycle. For two legs this is the paper's plan / step / plant machine: with step length s and duty D the
-printed l, epsilon and d_plan become l = (2 - D) s, epsilon = D s, d_plan = (1 - D) s, and the way the root makes between
-two plans is s whatever D. A leg's `progress` runs from 0 (lift-off) to 1 (planted).
+printed l, epsilon and d_plan become l = (2 - D) s, epsilon = D s, d_plan = (1 - D) s, and the root's way between two
+plans is s whatever D. A leg's `progress` runs from 0 (lift-off) to 1 (planted).
 """
 
 from __future__ import annotations
@@ -49,21 +49,19 @@ def step_velocity(
 
 
 def lift_off(
-    phase: Float[Array, "*b"],
+    phase: Float[Array, "*#b"],
     advance: Float[Array, "*#b"],
     lift: Float[Array, "*b"],
-    duty: Float[Array, "*b"],
     progress: Float[Array, "*b"],
     walking: Bool[Array, "*#b"],
 ) -> Bool[Array, "*b"]:
     """Which planted legs lift off within this frame; `phase` is the clock at the frame's end, `advance` its way."""
     since = (phase - lift) - jnp.floor(phase - lift)
-    del duty
     return walking & (since < advance) & (progress >= 1.0)
 
 
 def travelled(progress: Float[Array, "*b"]) -> Float[Array, "*b"]:
-    """Share of the step covered: the integral of a speed that rises linearly to twice the mean and falls back (Fig. 3)."""
+    """Share of the step covered: integral of a speed that rises linearly to twice the mean and falls back (Fig. 3)."""
     rest = 1.0 - progress
     return jnp.where(progress < 0.5, 2.0 * progress * progress, 1.0 - 2.0 * rest * rest)
 

@@ -1,4 +1,4 @@
-"""Vectors `[3, *b]`, written out by component: on a CPU this is 10 to 100 times faster than sum, einsum or jnp.cross."""
+"""Vectors `[3, *b]` by component: on a CPU 10 to 100 times faster than sum, einsum or jnp.cross."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Stages and forces of a frame: small adapters between the trees and the kernels, one file each, in the order of step()."""
+"""Stages and forces of a frame: adapters between the trees and the kernels, one file each, in the order of step()."""

@@ -159,7 +159,7 @@ def _pole(assets: HerdAssets, state: State, upper: Array, leg: Array, length: Ar
 def _as_played(
     herd: HerdLayout, assets: HerdAssets, character: Character, state: State, blend: Mix, transforms: Array
 ) -> Feet:
-    """Legs as the clip has them; contact follows from the clip's own phase. They skate when the speed is not the clip's."""
+    """Legs as the clip has them; contact follows from its phase. They skate when the speed is not the clip's."""
     balls, ankles = np.array(herd.balls), np.array(herd.ankles)
     contact = transforms[4:][:, balls] + quat.rotate(transforms[:4][:, balls], assets.ball_offset * character.scale)
     since = state.phase - blend.lift

@@ -31,7 +31,7 @@ class Mix(NamedTuple):
 
 
 def mix(herd: HerdLayout, assets: HerdAssets, character: Character, state: State) -> Mix:
-    """Clips by the low-passed desired speed; periods and speeds scale with the root of the size (equal Froude number)."""
+    """Clips by the low-passed desired speed; periods and speeds go with the root of the size (equal Froude number)."""
     root = jnp.sqrt(character.scale)
     place = jnp.zeros_like(root)
     for k in range(herd.gaits - 1):
@@ -71,11 +71,8 @@ def gait(
     cadence = stepping.cadence(layout.schedule, pace / blend.speed, desired / blend.speed) / blend.period
     # gradients through the moments of steps mislead (events slide across frames): steps keep their times
     cadence = jax.lax.stop_gradient(cadence)
-    if layout.schedule == "paper":
-        stride = blend.speed * blend.period / pace
-    else:
-        stride = 1.0 / cadence
-    stride = jnp.stack([ahead * sin + left * cos, ahead * cos - left * sin]) * stride
+    cycle = blend.speed * blend.period / pace if layout.schedule == "paper" else 1.0 / cadence
+    stride = jnp.stack([ahead * sin + left * cos, ahead * cos - left * sin]) * cycle
     idle = state.idle + (jnp.where(walking, 0.0, 1.0) - state.idle) * (dt / (dt + 0.5 * control.filter_time))
     state = dataclasses.replace(
         state, idle=idle, idle_phase=_wrap(state.idle_phase + dt * assets.idle_rate / jnp.sqrt(character.scale))
@@ -109,7 +106,7 @@ def _steps(
     advance = advance * lag
     phase = _wrap(state.phase + advance)
     swing = 1.0 - blend.duty
-    lifts = stepping.lift_off(phase, advance, blend.lift, blend.duty, state.progress, walking)
+    lifts = stepping.lift_off(phase, advance, blend.lift, state.progress, walking)
     since = phase - blend.lift
     since = since - jnp.floor(since)
     close = _closing(herd, control, assets, character, state, root, rest, walking)

@@ -11,33 +11,41 @@ from crowd.components.pose import Hung
 from crowd.components.sense import Surroundings
 from crowd.components.skin import Load
 from crowd.layout import HerdLayout, Layout
-from crowd.params import Character
 from crowd.state import Frame, State
 from kernels import quat
+from kernels.wall import Wall
+
+
+def joint_rotations(layout: Layout, herd: HerdLayout, hung: Hung, transforms: Array, wall: Wall) -> Array:
+    """[4, J, n] rotation of each joint to its parent, after inverse kinematics; empty unless poses are recorded."""
+    if not layout.record_pose:
+        return jnp.zeros((4, 0, *transforms.shape[2:]), transforms.dtype)
+    children = [joint for joint, parent in enumerate(herd.parents) if parent >= 0]
+    roots = [joint for joint, parent in enumerate(herd.parents) if parent < 0]
+    above = np.array([herd.parents[joint] for joint in children], int)
+    back = np.argsort(np.array(roots + children))
+
+    def gathered(orientation: Array, transforms: Array) -> Array:
+        top = jnp.broadcast_to(orientation[:, None], (4, len(roots), *orientation.shape[1:]))
+        return jnp.concatenate([top, transforms[:4][:, above]], 1)[:, back]
+
+    parents = wall(gathered, hung.orientation, transforms)
+    return wall(lambda parents, transforms: quat.multiply(quat.conjugate(parents), transforms[:4]), parents, transforms)
 
 
 def frame(
     layout: Layout,
-    herd: HerdLayout,
-    character: Character,
     state: State,
     place: Surroundings,
     hung: Hung,
     legs: Feet,
-    transforms: Array,
+    joint_rotation: Array,
     load: Load,
 ) -> Frame:
-    """The recorded view of a frame. Joint rotations are taken back to the parents' frames."""
-    del character
+    """The recorded view of a frame."""
     at = state.position
-    joint_rotation, joint_translation = jnp.zeros((4, 0, *at.shape[1:])), jnp.zeros((3, 0, *at.shape[1:]))
     orientation = hung.orientation
-    if layout.record_pose:
-        above = np.array([max(parent, 0) for parent in herd.parents])
-        rooted = np.array([parent < 0 for parent in herd.parents]).reshape(-1, 1)
-        parent = jnp.where(rooted, orientation[:, None], transforms[:4][:, above])
-        joint_rotation = quat.multiply(quat.conjugate(parent), transforms[:4])
-        joint_translation = hung.translation
+    joint_translation = hung.translation if layout.record_pose else jnp.zeros((3, 0, *at.shape[1:]), at.dtype)
     lowered = jnp.stack([jnp.zeros_like(legs.drop), legs.drop, jnp.zeros_like(legs.drop)])
     place_w = at[:, None]
     return Frame(
