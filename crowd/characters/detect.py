@@ -211,7 +211,7 @@ class _Rest:
         if not any(report.role in ("walk", "run") for report in out):
             raise _no_gait(self.subject.raw, out)
         if not any(report.role == "idle" for report in out):
-            self.notes.append("no idle clip; the neutral pose is used for standing")
+            self.notes.append("no idle clip; standing is made from the slowest gait")
         return out
 
     def _legs(self, moves: list) -> list[LegChain]:

@@ -24,12 +24,13 @@ TRACK = 0.7  # of the hip's distance from the middle: feet stand at least that f
 
 
 def with_idle(archetype: Archetype) -> Archetype:
-    """The archetype with a synthesised idle clip and a note about it, unchanged where it has one."""
+    """The archetype with a synthesised idle clip (a note says so), unchanged where it has one."""
     if any(clip.role == "idle" for clip in archetype.clips):
         return archetype
     idle = synthesise_idle(archetype)
-    note = "the file has no idle clip; standing is made from the slowest gait"
-    return replace(archetype, clips=(idle, *archetype.clips), notes=(*archetype.notes, note))
+    note = "no idle clip; standing is made from the slowest gait"
+    notes = tuple(dict.fromkeys((*archetype.notes, note)))
+    return replace(archetype, clips=(idle, *archetype.clips), notes=notes)
 
 
 def synthesise_idle(archetype: Archetype) -> Clip:
