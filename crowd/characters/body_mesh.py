@@ -54,7 +54,9 @@ def for_skeleton(
             thick = (min(float(radii[parent]), widest), float(radii[joint]))
             parts.append(Part(parent, *ends, thick, stretch if upright else (1.0, 1.0, 1.0)))
     for joint in sorted(set(range(len(names))) - set(parents)):
-        parts.append(Part(joint, tuple(positions[joint]), tuple(positions[joint]), (float(radii[joint]),) * 2))
+        parts.append(
+            Part(joint, tuple(positions[joint]), tuple(positions[joint]), (float(radii[joint]), float(radii[joint])))
+        )
     return from_parts(parts, parents, positions, rotations, triangles, cell, blend=0.6 * cell)
 
 

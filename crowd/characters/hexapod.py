@@ -12,10 +12,11 @@ import numpy as np
 
 from crowd import posing
 from crowd.characters.body_mesh import skinned
-from crowd.characters.gait_clips import FootPath, LegJoints, Poser, compose, pitch, roll, spline, step_leg, yaw
+from crowd.characters.gait_clips import FootPath, Poser, compose, pitch, roll, spline, step_leg, yaw
 from crowd.characters.loft import Loft, hole_border, rings_along
 from crowd.characters.surface import Part
-from crowd.types import Archetype, Clip, ClipRole, Leg, Mesh, Skeleton
+from crowd.characters.two_sided import SIDES, leg, leg_joints, other_side, two_sided
+from crowd.types import Archetype, Clip, ClipRole, Mesh, Skeleton
 
 HEIGHT, MASS = 0.56, 12.0  # knees
 _TARSUS = 0.03  # m, height of the last joint above the ground
@@ -41,7 +42,6 @@ _LEG = {  # joint: (distance out along the azimuth, height), m
     "tibia": (0.310, 0.530),
     "tarsus": (0.510, _TARSUS),
 }
-_SIDES = (("left", 1.0), ("right", -1.0))
 
 
 def _leg_places(row: str) -> dict[str, tuple[float, float, float]]:
@@ -56,21 +56,18 @@ def _leg_places(row: str) -> dict[str, tuple[float, float, float]]:
 
 
 def _skeleton() -> Skeleton:
-    rows = [(name, above, place) for name, (above, place) in _CENTRE.items()]
-    for side, sign in _SIDES:
-        for name, (above, (x, y, z)) in _ANTENNA.items():
-            rows.append((f"{side}_{name}", above if above in _CENTRE else f"{side}_{above}", (sign * x, y, z)))
+    side: dict[str, tuple[str, tuple[float, float, float]]] = dict(_ANTENNA)
     for row in _ROWS:
-        for side, sign in _SIDES:
-            above = "thorax"
-            for name, (x, y, z) in _leg_places(row).items():
-                rows.append((f"{side}_{row}_{name}", above, (sign * x, y, z)))
-                above = f"{side}_{row}_{name}"
-    names = [entry[0] for entry in rows]
-    parents = [names.index(entry[1]) if entry[1] else -1 for entry in rows]
-    positions = np.array([entry[2] for entry in rows])
-    offsets = positions - np.where(np.array(parents)[:, None] >= 0, positions[parents], 0.0)
-    return Skeleton(tuple(names), tuple(parents), np.tile([1.0, 0, 0, 0], (len(names), 1)), offsets)
+        above = "thorax"
+        for name, place in _leg_places(row).items():
+            side[f"{row}_{name}"] = (above, place)
+            above = f"{row}_{name}"
+    return two_sided(_CENTRE, side)
+
+
+def _names(row: str) -> tuple[str, ...]:
+    """Hip, knee, ankle and ball; the tarsus is both of the last."""
+    return tuple(f"{row}_{name}" for name in ("femur", "tibia", "tarsus", "tarsus"))
 
 
 def _step(poser: Poser, side: str, sign: float, row: str, path: FootPath, phase: np.ndarray) -> None:
@@ -82,8 +79,7 @@ def _step(poser: Poser, side: str, sign: float, row: str, path: FootPath, phase:
     to_foot = path.contact(phase) - base
     turned = np.degrees(np.arctan2(-to_foot[:, 2], to_foot[:, 0] * sign) - np.arctan2(-rest[2], rest[0]))
     poser.turn(coxa, yaw(0.75 * sign * turned))
-    names = (f"{side}_{row}_{name}" for name in ("femur", "tibia", "tarsus", "tarsus"))
-    step_leg(poser, LegJoints(*names, np.array([0.0, -_TARSUS, 0.0]), np.array([0.0, 1.0, 0.0])), path, phase)
+    step_leg(poser, leg_joints(side, _names(row), _TARSUS, (0.0, 1.0, 0.0)), path, phase)
 
 
 def _feel(poser: Poser, phase: np.ndarray, degrees: float) -> None:
@@ -105,7 +101,7 @@ def _idle(skeleton: Skeleton) -> Clip:
     _feel(poser, 2 * phase, 14.0)
     for row in _ROWS:
         x, _, z = _leg_places(row)["tarsus"]
-        for side, sign in _SIDES:
+        for side, sign in SIDES:
             path = FootPath(0.0, z, sign * x, 1.0, lambda s: 0.0 * s, lambda p: 0.0 * p)
             _step(poser, side, sign, row, path, np.zeros(120))
     return poser.clip("idle", "idle", 4.0, None)
@@ -129,7 +125,7 @@ def _tripod(
     up = spline((0, 0.3, 0.65, 1), (0, 0.9 * lift, lift, 0))
     for row, (_, _, touchdown) in _ROWS.items():
         x, _, z = _leg_places(row)["tarsus"]
-        for k, (side, sign) in enumerate(_SIDES):
+        for k, (side, sign) in enumerate(SIDES):
             path = FootPath(speed * cycle, z + travel / 2, sign * x, duty, up, lambda p: 0.0 * p, follow=0.7)
             _step(poser, side, sign, row, path, (phase - touchdown[k]) % 1.0)
     return poser.clip(name, role, cycle, speed)
@@ -152,7 +148,7 @@ def _parts(at: dict[str, np.ndarray], index: dict[str, int]) -> list[Part]:
         shell("abdomen", (0.380, -0.255), (0.385, -0.34), (0.108, 0.122), (1.15, 0.95, 1)),
         shell("abdomen_end", (0.383, -0.36), (0.362, -0.49), (0.120, 0.045), (1.15, 0.95, 1)),
     ]
-    for side, sign in _SIDES:
+    for side, sign in SIDES:
         antenna, bend = at[f"{side}_antenna"], at[f"{side}_antenna_tip"]
         tip = bend + np.array([0.045 * sign, -0.035, 0.120])
         parts += [
@@ -240,31 +236,20 @@ def _mesh(skeleton: Skeleton) -> Mesh:
     at = {name: rest[joint] for name, joint in index.items()}
     parts = _parts(at, index)
     vertices, triangles = _surface(parts, at, index)
-    swap = {"left": "right", "right": "left"}
-    mirror = []
-    for name in skeleton.names:
-        head, _, tail = name.partition("_")
-        mirror.append(index[f"{swap[head]}_{tail}"] if head in swap else index[name])
-    return skinned(vertices, triangles, parts, skeleton.parents, rest, None, mirror)
+    return skinned(vertices, triangles, parts, skeleton.parents, rest, None, other_side(skeleton.names))
 
 
 def build() -> Archetype:
     """The hexapod; `height` is that of the knees."""
     skeleton = _skeleton()
-    index = {name: joint for joint, name in enumerate(skeleton.names)}
     legs = tuple(
-        Leg(
-            f"{row}_{side}",
-            *(index[f"{side}_{row}_{name}"] for name in ("femur", "tibia", "tarsus", "tarsus")),
-            (0.0, -_TARSUS, 0.0),
-            int(sign),
-        )
-        for row in _ROWS
-        for side, sign in _SIDES
+        leg(skeleton, f"{row}_{side}", int(sign), _names(row), _TARSUS) for row in _ROWS for side, sign in SIDES
     )
     clips = (
         _idle(skeleton),
         _tripod(skeleton, "walk", "walk", 0.9, 0.50, 0.6, 0.07),
         _tripod(skeleton, "run", "run", 1.8, 0.32, 0.45, 0.09),
     )
-    return Archetype("hexapod", skeleton, _mesh(skeleton), legs, (), clips, index["thorax"], HEIGHT, MASS)
+    return Archetype(
+        "hexapod", skeleton, _mesh(skeleton), legs, (), clips, skeleton.names.index("thorax"), HEIGHT, MASS
+    )
