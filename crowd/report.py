@@ -20,6 +20,7 @@ PLOTS: dict[str, Callable[[Any, SceneLike, Path], Path]] = {
     "speed_depth": report_plots.speed_depth,
     "footprints": report_plots.footprints,
 }
+IN_FLUID = ("drag", "center_of_pressure", "speed_depth")  # say nothing when everybody stays dry
 
 
 def write_report(run: Any, scene: SceneLike | None, out: str | Path, pictures: Any = None) -> dict[str, Path]:
@@ -27,7 +28,8 @@ def write_report(run: Any, scene: SceneLike | None, out: str | Path, pictures: A
 
     run: a `crowd.simulate.Result` or a `crowd.recorded.Recording`. scene: None for the run's own. pictures: the
     scenario's `pictures` (moments, size, herd to follow); default the scene's; without poses or with `pictures: null`
-    there is no strip. A run without a recorded frame gets no report: an empty dictionary.
+    there is no strip, and when nobody enters a fluid there are no plots of it. A run without a recorded frame gets no
+    report: an empty dictionary.
     """
     scene = run.scene if scene is None else scene
     assert scene is not None
@@ -35,7 +37,9 @@ def write_report(run: Any, scene: SceneLike | None, out: str | Path, pictures: A
         return {}
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
-    files = {name: plot(run, scene, out / f"{name}.png") for name, plot in PLOTS.items()}
+    wet = any(np.nanmax(np.asarray(run.herds[herd.name]["depth"]), initial=0.0) > 0 for herd in scene.herds)
+    plots = {name: plot for name, plot in PLOTS.items() if wet or name not in IN_FLUID}
+    files = {name: plot(run, scene, out / f"{name}.png") for name, plot in plots.items()}
     wanted = pictures if pictures is not None else _wanted(run, scene)
     if wanted is not None and has_poses(run):
         files |= write_pictures(run, scene, out, wanted)

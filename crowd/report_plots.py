@@ -12,9 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from crowd.metrics import STANDS
-from crowd.recorded_scene import HerdLike, SceneLike, levels_of
+from crowd.recorded_scene import HerdLike, SceneLike
 from crowd.stances import find_stances
-from crowd.view.palette import GRID, INK, LEFT, QUIET, RIGHT, WATER, herd_color
+from crowd.view.crowd_picture import surfaces
+from crowd.view.palette import GRID, INK, LEFT, QUIET, RIGHT, herd_color
 
 MOST_FRAMES, MOST_CHARACTERS = 2000, 1024  # read for a plot; of longer runs and larger herds an even selection
 DPI = 120
@@ -55,7 +56,7 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1, **optio
     return made, axes
 
 
-def finish(made: Figure, path: Path, title: str, axes: Axes | None = None, columns: int = 4) -> Path:
+def finish(made: Figure, path: Path, title: str, axes: Axes | None = None, columns: int = 6) -> Path:
     """Title, legend under it (of the lines in `axes`), and the file."""
     made.suptitle(title, x=0.01, ha="left", fontsize=12, color=INK, fontweight="bold")
     if axes is not None:
@@ -75,11 +76,6 @@ def mean_over(values: np.ndarray) -> np.ndarray:
     """Mean [t] over the characters of values [t, n] that are not NaN; NaN without any."""
     count = np.isfinite(values).sum(1)
     return np.where(count > 0, np.nansum(values, 1) / np.maximum(count, 1), np.nan)
-
-
-def _say_when_empty(axes: Axes, text: str) -> None:
-    if not any(np.isfinite(np.asarray(line.get_ydata(), float)).any() for line in axes.get_lines()):
-        axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=QUIET)
 
 
 def _band(axes: Axes, time: np.ndarray, values: np.ndarray, color: str, name: str) -> None:
@@ -102,8 +98,9 @@ def speed(run: Any, scene: SceneLike, path: Path) -> Path:
         data, color = Sampled(run, herd), herd_color(number)
         _band(top, data.time, np.linalg.norm(data["velocity"][..., [0, 2]], axis=-1), color, herd.name)
         asked = mean_over(np.linalg.norm(data["desired_velocity"][..., [0, 2]], axis=-1))
-        top.plot(data.time, asked, color=color, linewidth=1.1, linestyle=(0, (5, 3)), label=f"{herd.name}, asked for")
+        top.plot(data.time, asked, color=color, linewidth=1.1, linestyle=(0, (5, 3)))
         _band(below, data.time, data["depth"], color, herd.name)
+    top.plot([], [], color=QUIET, linewidth=1.1, linestyle=(0, (5, 3)), label="asked for")
     top.set_ylim(bottom=0)
     below.set_ylim(bottom=0)
     _label(top, "", "speed in m/s")
@@ -139,11 +136,11 @@ def center_of_pressure(run: Any, scene: SceneLike, path: Path) -> Path:
         height = place[..., 1] - position[..., 1]
         _band(wide, data.time, height, color, herd.name)
         deep = mean_over(np.where(np.isfinite(height), data["depth"], np.nan))
-        wide.plot(data.time, deep, color=color, linewidth=1.0, linestyle=(0, (1, 2)), label=f"{herd.name}, surface")
+        wide.plot(data.time, deep, color=color, linewidth=1.0, linestyle=(0, (1, 2)))
         _cycle(data, place, position, color, axes[0, 1], axes[1, 1])
+    wide.plot([], [], color=QUIET, linewidth=1.0, linestyle=(0, (1, 2)), label="surface")
     wide.set_ylim(bottom=0)
     wide.set_xlim(float(run.time[0]), float(run.time[-1]) + 1e-3)
-    _say_when_empty(wide, "nobody is in a fluid")
     _label(wide, "time in s", "height over the ground in m")
     _label(axes[0, 1], "", "height in m")
     _label(axes[1, 1], "phase of the gait cycle", "to the left in m")
@@ -244,7 +241,7 @@ def footprints(run: Any, scene: SceneLike, path: Path) -> Path:
             whole.plot([], [], "o", color=tint, markersize=5, label=text)
     _frame(whole, np.concatenate(corners))
     _tint_water(whole, scene)
-    return finish(made, path, "Footprints from above", whole, columns=6)
+    return finish(made, path, "Footprints from above", whole)
 
 
 FEET = {1: (LEFT, "left foot"), -1: (RIGHT, "right foot"), 0: (QUIET, "middle foot")}
@@ -315,36 +312,29 @@ def _apart(position: np.ndarray, x: float, z: float) -> list[int]:
 
 
 def _window(position: np.ndarray) -> tuple[tuple[float, float], tuple[float, float]]:
-    """A piece of ground 3 m by 5 m around where the middle path of a herd is halfway."""
+    """A piece of ground 4 m by 6 m around where the middle path of a herd is halfway."""
     half = position[len(position) // 2]
     half = half[np.isfinite(half).all(1)]
     if len(half) == 0:
-        return (-1.5, 1.5), (-2.5, 2.5)
+        return (-2.0, 2.0), (-3.0, 3.0)
     middle = np.median(half, 0)
     x, _, z = half[int(np.argmin(np.linalg.norm(half - middle, axis=1)))]
-    return (x - 1.5, x + 1.5), (z - 2.5, z + 2.5)
+    return (x - 2.0, x + 2.0), (z - 3.0, z + 3.0)
 
 
 def _tint_water(axes: Axes, scene: SceneLike) -> None:
-    """Colour what is under water by its depth, keeping the limits."""
-    levels = levels_of(scene)
-    if not levels:
-        return
+    """Colour what is under a fluid by its depth, keeping the limits."""
     (x0, x1), (z0, z1) = sorted(axes.get_xlim()), sorted(axes.get_ylim())
-    limits = axes.get_xlim(), axes.get_ylim()
-    ratio = axes.get_aspect()
+    limits, ratio = (axes.get_xlim(), axes.get_ylim()), axes.get_aspect()
     x, z = np.meshgrid(np.linspace(x0, x1, 240), np.linspace(z0, z1, 240))
     ground = np.broadcast_to(np.asarray(scene.ground(x, z), float), x.shape)
-    surface = np.full(x.shape, -np.inf)
-    for level in sorted(levels, key=lambda each: each["priority"]):
-        low_x, high_x = level["x"] or (-np.inf, np.inf)
-        low_z, high_z = level["z"] or (-np.inf, np.inf)
-        inside = (x >= low_x) & (x <= high_x) & (z >= low_z) & (z <= high_z)
-        surface = np.where(inside, level["surface_m"], surface)
-    depth = surface - ground
-    alpha = np.where(depth > 0.004, 0.10 + 0.45 * (1 - np.exp(-np.maximum(depth, 0.0) / 0.8)), 0.0)
-    color = np.array([int(WATER[i : i + 2], 16) / 255 for i in (1, 3, 5)])
-    picture = np.concatenate([np.broadcast_to(color, (*x.shape, 3)), alpha[..., None]], -1)
+    picture = np.zeros((*x.shape, 4))
+    for level in surfaces(scene):
+        depth = level.height - ground
+        wet = level.covers(x, z) & (depth > 0.004)
+        tone = np.power(level.color, 1 / 2.2)
+        picture[wet, :3] = tone / tone.max() * 0.85
+        picture[wet, 3] = 0.10 + 0.40 * (1 - np.exp(-depth[wet] / 0.8))
     axes.imshow(picture, extent=(x0, x1, z0, z1), origin="lower", aspect=ratio, zorder=0)
     axes.set_xlim(limits[0])
     axes.set_ylim(limits[1])

@@ -22,7 +22,7 @@ MOST_TRIANGLES = 1_500_000  # in one picture; of larger crowds an even selection
 GROUP = 6  # characters in a close-up
 WIDE_VIEW, CLOSE_VIEW = (40.0, 17.0), (62.0, 9.0)  # azimuth from the direction of travel, elevation; degrees
 # Linear colour and clarity (m) by density in kg/m3: water, mud, goo.
-FLUIDS = ((1000.0, (0.008, 0.12, 0.23), 1.3), (1840.0, (0.16, 0.095, 0.05), 0.45), (2750.0, (0.10, 0.19, 0.03), 0.6))
+FLUIDS = ((1000.0, (0.008, 0.12, 0.23), 1.3), (1840.0, (0.15, 0.085, 0.045), 0.32), (2750.0, (0.09, 0.19, 0.025), 0.45))
 NEEDED = ("pose_position", "pose_orientation", "joint_rotation", "joint_translation")
 
 

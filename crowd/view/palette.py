@@ -8,7 +8,6 @@ import numpy as np
 HERD_COLORS = ("#d55e00", "#009e73", "#cc79a7", "#f0e442", "#0072b2", "#e69f00", "#56b4e9", "#8c8c8c")
 LEFT, RIGHT = "#0072b2", "#d55e00"
 INK, QUIET, GRID = "#1f2933", "#6b7785", "#d9dee4"
-WATER = "#56b4e9"
 
 
 def srgb(color: str) -> np.ndarray:

@@ -56,11 +56,14 @@ def test_runs_without_poses_water_or_frames(made_result, tmp_path):
     }
     for herd in herds.values():
         herd["center_of_pressure"] = np.full_like(herd["center_of_pressure"], np.nan)
+        herd["depth"] = np.zeros_like(herd["depth"])
         herd["fault"] = np.ones_like(herd["fault"])
     broken = dataclasses.replace(made_result, herds=herds)
     assert not has_poses(broken)
     files = write_report(broken, None, tmp_path / "dry")
-    assert set(files) == set(PLOTS)
+    assert set(files) == {"speed", "footprints"}
+    frozen = {name: herd | {"depth": herd["depth"] + 0.1} for name, herd in herds.items()}
+    assert set(write_report(dataclasses.replace(made_result, herds=frozen), None, tmp_path / "frozen")) == set(PLOTS)
     with Recorder(tmp_path / "none.zarr", made_result.scene):
         pass
     assert write_report(open_recording(tmp_path / "none.zarr"), None, tmp_path / "none") == {}
