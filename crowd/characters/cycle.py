@@ -17,9 +17,10 @@ from crowd.posing import conjugate, multiply, rotate
 from crowd.resampling import align_hemispheres
 
 SHORTEST, LONGEST = 0.25, 4.0  # s, of one stride
-MOST_FRAMES = 2400  # beyond this the search runs on every second, third, ... frame
+SEARCH_RATE = 30.0  # Hz, of the coarse search
 LOOP_LIMIT = 0.2  # of the body's radius of gyration: a worse loop would visibly jump
 STEADY = 0.15  # cost of a loop whose speed differs from the clip's typical speed, per relative difference
+TURNING = 0.1  # cost of a loop that turns, per radian
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,63 +59,89 @@ def extract_cycle(
     _, position = to_global(parents, rotation, translation)
     weight = np.ones(position.shape[1])
     weight[list(feet)] = 3.0
-    step = -(-count // MOST_FRAMES)
-    search = _Loops(position[::step], weight, rate / step)
+    step = max(1, int(rate / SEARCH_RATE))
+    search = _Loops(position[::step], weight, list(feet), rate / step)
     _check_stepping(search, list(feet), where)
     first, last = search.best(where)
-    first, last = first * step, last * step
+    if step > 1:
+        fine = _Loops(position, weight, list(feet), rate)
+        near = np.arange(max(0, (first - 1) * step), min(count - 1, (first + 1) * step) + 1)
+        spans = range((last - first - 1) * step, (last - first + 1) * step + 1)
+        loops = [(near[near + lag < count], lag) for lag in spans if (near + lag < count).any()]
+        first, last = fine.pick(loops, search.pace(search.starts(last - first), last - first) / step, where)
     return _piece(rotation, translation, parents, position, weight, list(feet), (first, last), rate)
 
 
 class _Loops:
-    """Distances between all poses of a clip, and the loops they allow."""
+    """Distances between the poses of a clip, and the loops they allow."""
 
-    def __init__(self, position: np.ndarray, weight: np.ndarray, rate: float):
-        self.position, self.rate = position, rate
-        self.count = len(position)
+    def __init__(self, position: np.ndarray, weight: np.ndarray, feet: list[int], rate: float):
+        self.position, self.rate, self.count = position, rate, len(position)
         self.weight = weight / weight.sum()
-        centred = position - np.einsum("j,fjc->fc", self.weight, position)[:, None]
-        self.centred = centred
-        self.size = float(np.sqrt(np.einsum("j,fjc->f", self.weight, centred**2).mean()))
-        self.distance = self._distances()
-        centre = position - centred
-        self.path = centre[:, 0, :]
+        centre = np.einsum("j,fjc->fc", self.weight, position)
+        self.centred, self.path = position - centre[:, None], centre
+        self.size = float(np.sqrt(np.einsum("j,fjc->f", self.weight, self.centred**2).mean()))
+        self.flat, self.high = self._windows()
+        self.own = np.sum(np.abs(self.flat) ** 2, 1) + np.sum(self.high**2, 1)
+        self.busy = self._busy(feet)
 
-    def _distances(self) -> np.ndarray:
-        """[F, F] rms distance of the clouds over a window of 0.1 s, in radii of gyration."""
+    def _windows(self) -> tuple[np.ndarray, np.ndarray]:
+        """Weighted clouds about their centre over 0.1 s at each frame: x + iz and y, [F, 3 J]; ends extrapolated."""
         reach = max(1, round(0.05 * self.rate))
-        ends = [
-            2 * self.position[:1] - self.position[reach:0:-1],
-            2 * self.position[-1:] - self.position[-2 : -2 - reach : -1],
-        ]
-        padded = np.concatenate([ends[0], self.position, ends[1]])
-        window = np.stack([padded[k : k + self.count] for k in (0, reach, 2 * reach)], 1)  # [F, 3, J, 3]
+        before = 2 * self.position[:1] - self.position[reach:0:-1]
+        after = 2 * self.position[-1:] - self.position[-2 : -2 - reach : -1]
+        padded = np.concatenate([before, self.position, after])
+        window = np.stack([padded[k : k + self.count] for k in (0, reach, 2 * reach)], 1)
         cloud = window.reshape(self.count, -1, 3)
         weight = np.tile(self.weight, 3) / 3
-        cloud = cloud - np.einsum("k,fkc->fc", weight, cloud)[:, None]
-        flat = (cloud[..., 0] + 1j * cloud[..., 2]) * np.sqrt(weight)
-        high = cloud[..., 1] * np.sqrt(weight)
-        own = np.sum(np.abs(flat) ** 2, 1) + np.sum(high**2, 1)
-        across = np.abs(flat @ flat.conj().T) + high @ high.T
-        return np.sqrt(np.maximum(own[:, None] + own[None] - 2 * across, 0.0)) / self.size
+        cloud = (cloud - np.einsum("k,fkc->fc", weight, cloud)[:, None]) * np.sqrt(weight)[:, None]
+        return cloud[..., 0] + 1j * cloud[..., 2], cloud[..., 1]
+
+    def _busy(self, feet: list[int]) -> np.ndarray:
+        """[F + 1] running count of frames in which the feet step at least half as fast as usual."""
+        speed = np.linalg.norm(np.gradient(self.centred[:, feet], axis=0), axis=-1).mean(1)
+        width = min(self.count, max(1, round(0.5 * self.rate)))
+        speed = np.convolve(np.pad(speed, width // 2, mode="edge"), np.ones(width) / width, "valid")[: self.count]
+        return np.concatenate([[0], np.cumsum(speed >= 0.5 * np.percentile(speed, 75))])
+
+    def compare(self, first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rms distance (radii of gyration) of the clouds at frames `first` and `last`, and the turn (rad) between."""
+        across = np.sum(self.flat[last] * self.flat[first].conj(), 1)
+        level = np.sum(self.high[last] * self.high[first], 1)
+        gap = self.own[first] + self.own[last] - 2 * (np.abs(across) + level)
+        return np.sqrt(np.maximum(gap, 0.0)) / self.size, np.angle(across)
+
+    def starts(self, lag: int) -> np.ndarray:
+        """First frames of the loops of `lag` frames during which the feet step; all, where they never do for long."""
+        first = np.arange(self.count - lag)
+        stepping = (self.busy[first + lag] - self.busy[first]) >= 0.9 * lag
+        return first[stepping] if stepping.any() else first
 
     def best(self, where: str) -> tuple[int, int]:
         """(first, last) frame of the best loop of one stride."""
         stride = self._stride(where)
-        travel = np.linalg.norm((self.path[stride:] - self.path[:-stride])[:, [0, 2]], axis=1) / stride
-        typical = float(np.median(travel))
-        best, best_cost, best_fit = (0, 0), np.inf, np.inf
         slack = max(1, round(0.12 * stride))
-        for lag in range(max(stride - slack, 4), min(stride + slack, self.count - 1) + 1):
-            fit = np.diagonal(self.distance, lag)
-            pace = np.linalg.norm((self.path[lag:] - self.path[:-lag])[:, [0, 2]], axis=1) / lag
-            moving = typical * self.rate > 0.02 * self.size
-            cost = fit + (STEADY * np.abs(pace / typical - 1) if moving else 0.0)
-            start = int(np.argmin(cost))
-            if cost[start] < best_cost:
-                best, best_cost, best_fit = (start, start + lag), float(cost[start]), float(fit[start])
-        if best_fit > LOOP_LIMIT:
-            raise self._not_cyclic(where, best_fit)
+        lags = range(max(stride - slack, 4), min(stride + slack, self.count - 1) + 1)
+        return self.pick([(self.starts(lag), lag) for lag in lags], self.pace(self.starts(stride), stride), where)
+
+    def pace(self, first: np.ndarray, lag: int) -> float:
+        """Typical travel per frame of the loops of `lag` frames that start at `first`."""
+        return float(np.median(np.linalg.norm((self.path[first + lag] - self.path[first])[:, [0, 2]], axis=1))) / lag
+
+    def pick(self, loops: Sequence[tuple[np.ndarray, int]], typical: float, where: str) -> tuple[int, int]:
+        """The loop (first, first + lag) whose ends fit best, among those of typical speed and little turning."""
+        best, least, fits = (0, 0), np.inf, np.inf
+        for first, lag in loops:
+            fit, turn = self.compare(first, first + lag)
+            cost = fit + TURNING * np.abs(turn)
+            if typical * self.rate > 0.02 * self.size:
+                way = np.linalg.norm((self.path[first + lag] - self.path[first])[:, [0, 2]], axis=1)
+                cost = cost + STEADY * np.abs(way / (lag * typical) - 1)
+            k = int(np.argmin(cost))
+            if cost[k] < least:
+                best, least, fits = (int(first[k]), int(first[k]) + lag), float(cost[k]), float(fit[k])
+        if fits > LOOP_LIMIT:
+            raise self._not_cyclic(where, fits)
         return best
 
     def _stride(self, where: str) -> int:
@@ -123,7 +150,11 @@ class _Loops:
         if len(lags) == 0:
             least = SHORTEST + 1 / self.rate
             raise fail(where, f"lasts {self.count / self.rate:.2f} s; one stride needs at least {least:.2f} s")
-        fits = np.array([np.percentile(np.diagonal(self.distance, int(lag)), 20) for lag in lags])
+        fits = []
+        for lag in lags.tolist():
+            first = self.starts(lag)
+            fits.append(np.percentile(self.compare(first, first + lag)[0], 20))
+        fits = np.array(fits)
         inner = (fits <= np.append(fits[1:], np.inf)) & (fits <= np.append(np.inf, fits[:-1]))
         inner[0] = False  # a short lag always fits a little; it must be a dip
         dips = np.flatnonzero(inner)
@@ -137,9 +168,9 @@ class _Loops:
     def _not_cyclic(self, where: str, fit: float) -> Exception:
         return fail(
             where,
-            f"nothing repeats within {LONGEST:g} s: the best loop of {self.count} frames jumps by {100 * fit:.0f} % of "
-            f"the body's size (allowed {100 * LOOP_LIMIT:.0f} %). A walk or other gait of at least one whole stride "
-            "is needed",
+            f"nothing repeats within {LONGEST:g} s: the best loop of {self.count / self.rate:.2f} s jumps by "
+            f"{100 * fit:.0f} % of the body's size (allowed {100 * LOOP_LIMIT:.0f} %). A walk or other gait of at "
+            "least one whole stride is needed",
         )
 
 
