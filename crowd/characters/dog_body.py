@@ -65,8 +65,8 @@ def _parts(at: dict[str, np.ndarray], index: dict[str, int]) -> list[Part]:
         trunk("chest", (0.468, 0.18), (0.476, 0.04), (0.116, 0.121), 0.80),
         trunk("neck", (0.525, 0.225), (0.632, 0.338), (0.097, 0.072), 0.84),
         trunk("neck_upper", (0.636, 0.342), (0.690, 0.395), (0.072, 0.064), 0.9),
-        trunk("head", (0.716, 0.405), (0.710, 0.455), (0.067, 0.060), 1.0),
-        trunk("head", (0.694, 0.465), (0.682, 0.565), (0.047, 0.034), 0.9),
+        trunk("head", (0.718, 0.402), (0.714, 0.450), (0.070, 0.062), 1.0),
+        trunk("head", (0.688, 0.465), (0.672, 0.565), (0.047, 0.034), 0.9),
         limb("tail", "tail_middle", (0.030, 0.024)),
         limb("tail_middle", "tail_end", (0.024, 0.019)),
         Part(index["tail_end"], tuple(at["tail_end"]), tuple(at["tail_end"] + [0.0, -0.085, -0.035]), (0.019, 0.011)),
@@ -120,8 +120,8 @@ def _parts(at: dict[str, np.ndarray], index: dict[str, int]) -> list[Part]:
 
 
 _STRIPS = (  # from the nose to the tail: middle (y, z), upward direction (y, z)
-    (0.682, 0.568, (1.0, 0.25)),
-    (0.692, 0.500, (1.0, 0.05)),
+    (0.672, 0.568, (1.0, 0.25)),
+    (0.684, 0.505, (1.0, 0.1)),
     (0.706, 0.448, (1.0, -0.1)),
     (0.706, 0.398, (1.0, -0.5)),
     (0.645, 0.350, (0.8, -0.6)),
@@ -152,7 +152,7 @@ def _surface(parts: list[Part], at: dict[str, np.ndarray], index: dict[str, int]
     holes = {2: 1, 6: 3, 7: 3, 10: 3, 11: 3}  # strip: column left open for an ear or a leg
     for strip, (before, after) in enumerate(pairwise(rows)):
         loft.skin(before, after, skip=(holes[strip],) if strip in holes else ())
-    ends = np.array([[0.0, 0.681, 0.560], [0.0, 0.43, -0.514]])
+    ends = np.array([[0.0, 0.671, 0.560], [0.0, 0.43, -0.514]])
     ways = np.array([[0.0, -0.1, 1.0], [0.0, -0.9, -0.4]])
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     loft.cap(rows[0][::-1], loft.cast(ends[0], ways[:1])[0], closed=False)
