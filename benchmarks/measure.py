@@ -1,0 +1,134 @@
+"""One case in a process of its own, which `run.py` starts: `python -m benchmarks.measure JOB`, JOB as JSON.
+
+The last line it prints is the measurement, as JSON. A process of its own because devices and cores can only be chosen
+before JAX starts, because peak memory is the process's, and because a second process is what tells how fast a start
+from the compile cache is (`JAX_COMPILATION_CACHE_DIR`: empty for the first, filled for the second).
+
+With one device the process is confined to one core before JAX starts, compiler included, so "one core" is true.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from benchmarks.cases import RATE, Case, scenario
+from benchmarks.machine import peak_memory, pin
+
+
+@dataclass(frozen=True)
+class Job:
+    """What to do with a case."""
+
+    case: Case
+    frames: int | None = None  # per timed run; None: enough for a run to last
+    runs: int = 7  # 0: compile only
+    profile: bool = True  # also time the stages
+
+    def text(self) -> str:
+        """As JSON, for the command line."""
+        return json.dumps(asdict(self))
+
+    @staticmethod
+    def read(text: str) -> Job:
+        """The inverse of `text`."""
+        fields = json.loads(text)
+        case = fields.pop("case")
+        case["herds"] = tuple((str(name), int(count)) for name, count in case["herds"])
+        return Job(Case(**case), **fields)
+
+
+def frames_for(count: int) -> int:
+    """Frames of a timed run: 60, more for few characters so that starting a run does not weigh."""
+    return RATE * max(1, min(8, 2048 // max(count, 1)))
+
+
+def measure(job: Job) -> dict[str, Any]:
+    """Compiles the case, times it and returns the measurement. Chooses cores and devices: needs a fresh process."""
+    pinned = pin(job.case.devices)
+    import jax
+
+    from crowd import compile_cache
+
+    jax.config.update("jax_platforms", "cpu")
+    jax.config.update("jax_num_cpu_devices", job.case.devices)
+    compile_cache.enable()
+    frames = job.frames or frames_for(job.case.count)
+    program, line = _compiled(job, frames)
+    line |= {"pinned_cores": pinned}
+    if not job.runs:
+        return line
+    arguments, samples = _timed(program, job, frames)
+    line |= samples | {"peak_rss_bytes": peak_memory()}
+    if job.profile:
+        from benchmarks.stages import shares
+
+        line["stage_share"] = shares(program[0], *arguments, frames=max(1, min(RATE, 8192 // job.case.count)))
+    return line
+
+
+def _compiled(job: Job, frames: int) -> tuple[Any, dict[str, Any]]:
+    """((executable, assets, params, states), seconds and bytes of the compiled program)."""
+    import jax.numpy as jnp
+
+    from crowd.build import build
+    from crowd.scene import load
+    from crowd.simulate import compiled, shard
+
+    started = time.perf_counter()
+    scene = load(scenario(job.case))
+    layout, assets, params, states = shard(build(scene, job.case.devices), job.case.devices)
+    built = time.perf_counter()
+    run = compiled(layout, -(-frames // RATE), job.case.devices)
+    lowered = run.lower(  # pyright: ignore[reportFunctionMemberAccess]
+        assets, params, states, jnp.asarray(frames, jnp.int32), jnp.asarray(True)
+    )
+    traced, processor = time.perf_counter(), time.process_time()
+    executable = lowered.compile()
+    line = {
+        "build_s": round(built - started, 3),
+        "trace_s": round(traced - built, 3),
+        "compile_s": round(time.perf_counter() - traced, 3),
+        "compile_cpu_s": round(time.process_time() - processor, 3),
+    }
+    memory = executable.memory_analysis()
+    if memory is not None:
+        per = job.case.devices / job.case.count  # the analysis is of one device's program
+        line["temp_bytes_per_character"] = round(memory.temp_size_in_bytes * per, 1)
+        line["argument_bytes_per_character"] = round(memory.argument_size_in_bytes * per, 1)
+    return (executable, assets, params, states), line
+
+
+def _timed(program: Any, job: Job, frames: int) -> tuple[tuple[Any, ...], dict[str, Any]]:
+    """Runs the program once untimed, then `job.runs` times. Returns (what it can be called with next, samples)."""
+    import jax
+    import jax.numpy as jnp
+    import numpy as np
+
+    executable, assets, params, states = program
+    flag, count = jnp.asarray(True), jnp.asarray(frames, jnp.int32)
+    wall, processor = [], []
+    for run in range(job.runs + 1):
+        at, used = time.perf_counter(), time.process_time()
+        states, _ = jax.block_until_ready(executable(assets, params, states, count, flag))
+        if run:  # the first one fetches pages and walks the crowd in
+            wall.append(time.perf_counter() - at)
+            processor.append(time.process_time() - used)
+    per = 1e6 / (frames * job.case.count)
+    faults = sum(int(np.count_nonzero(np.asarray(state.fault))) for state in states)
+    return (assets, params, states, flag), {
+        "frames": frames,
+        "runs": job.runs,
+        "us": round(float(np.median(wall)) * per, 4),
+        "us_min": round(min(wall) * per, 4),
+        "us_max": round(max(wall) * per, 4),
+        "us_cpu": round(float(np.median(processor)) * per, 4),  # of all cores together
+        "frozen_by_a_fault": faults,
+    }
+
+
+if __name__ == "__main__":
+    print(json.dumps(measure(Job.read(sys.argv[1]))))

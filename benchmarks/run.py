@@ -1,0 +1,126 @@
+"""Runs the benchmarks: `make bench`, `crowd bench`, `python -m benchmarks.run`.
+
+Every case is compiled and timed in a process of its own with an empty compile cache, then compiled again in a second
+process from the cache the first one filled. Results are written as JSON lines while they come, and shown as tables.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from benchmarks.cases import CASES, QUICK, Case
+from benchmarks.figures import figures
+from benchmarks.machine import ROOT, cores, machine
+from benchmarks.measure import Job
+from benchmarks.start import start as measure_start
+from benchmarks.table import show
+from crowd.errors import nearest
+
+Line = dict[str, Any]
+RESULTS = ROOT / "benchmarks" / "results" / "latest.jsonl"
+
+
+def run_case(job: Job) -> Line:
+    """The line of one case, timed in one process and compiled from the cache in another.
+
+    A case that fails, or needs more cores than there are, has an "error" instead of measurements.
+    """
+    case = job.case
+    line: Line = {"kind": "case", "case": case.name, "devices": case.devices, "characters": case.count}
+    line |= {"mesh": case.mesh, "water": case.water, "herds": dict(case.herds)}
+    if case.devices > len(cores()):
+        return line | {"error": f"needs {case.devices} cores, there are {len(cores())}"}
+    try:
+        with tempfile.TemporaryDirectory(prefix="crowd-bench-") as cache:
+            measured = _process(job, cache)
+            programs = len(os.listdir(cache))
+            warm = _process(Job(case, job.frames, runs=0), cache)
+            reused = len(os.listdir(cache)) == programs
+    except subprocess.CalledProcessError as error:
+        return line | {"error": "\n".join(error.stderr.splitlines()[-20:])}
+    measured["compile_cold_s"] = measured.pop("compile_s")
+    return line | measured | {"compile_warm_s": warm["compile_s"], "cache_used": reused}
+
+
+def _process(job: Job, cache: str) -> Line:
+    """What `benchmarks.measure` prints for a job."""
+    environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": cache}
+    command = [sys.executable, "-m", "benchmarks.measure", job.text()]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment, check=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def chosen(names: list[str], quick: bool) -> list[Case]:
+    """The cases asked for; all when none are. Raises typer.BadParameter for an unknown name."""
+    known = [case.name for case in CASES]
+    for name in names:
+        if name not in known:
+            raise typer.BadParameter(f"there is no case '{name}'{nearest(name, known)}; --list names them")
+    wanted = set(names) | (set(QUICK) if quick else set())
+    return [case for case in CASES if not wanted or case.name in wanted]
+
+
+def main(
+    case: Annotated[list[str] | None, typer.Option(help="Only this case (repeatable).")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Only the cases of the promised figures.")] = False,
+    names: Annotated[bool, typer.Option("--list", help="Print the cases and stop.")] = False,
+    out: Annotated[Path, typer.Option(help="JSON lines go here; an earlier file is replaced.")] = RESULTS,
+    runs: Annotated[int, typer.Option(min=1, help="Timed runs of each case.")] = 7,
+    frames: Annotated[int | None, typer.Option(min=1, help="Frames of each run [default: 60 or more].")] = None,
+    stages: Annotated[bool, typer.Option(help="Also time the stages of the step.")] = True,
+    start: Annotated[bool, typer.Option(help="Also time the start of `crowd run`.")] = True,
+) -> None:
+    """Time the simulation, its compilation and its start, and compare with what is promised."""
+    console = Console() if sys.stdout.isatty() else Console(width=160)
+    cases = chosen(case or [], quick)
+    if names:
+        for one in cases:
+            print(one.name)
+        return
+    lines: list[Line] = []
+    here = machine()
+    console.print(f"{here['cpu']}, {here['cores']} cores, load {here['load_1min']}, jax {here['jax']}")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with out.open("w", encoding="utf-8") as file:
+        jobs = [lambda one=one: run_case(Job(one, frames, runs, stages)) for one in cases]
+        for job in (*jobs, *([_start] if start else [])):
+            line = job() | {"machine": machine()}
+            lines.append(line)
+            file.write(json.dumps(line) + "\n")
+            file.flush()
+            console.print(_told(line))
+    show(lines, figures(lines), console)
+    print(f"results  {out}")
+    if any("error" in line for line in lines):
+        raise typer.Exit(1)
+
+
+def _start() -> Line:
+    try:
+        return measure_start()
+    except RuntimeError as error:
+        return {"kind": "start", "error": str(error)}
+
+
+def _told(line: Line) -> str:
+    """A line of progress."""
+    name = line.get("case", "start of crowd run")
+    if "error" in line:
+        return f"{name}: {line['error']}"
+    if line["kind"] == "start":
+        return f"{name}: {line['cold_s']:.1f} s, with a warm cache {line['warm_s']:.1f} s"
+    compiled = f"{line['compile_cold_s']:.1f} s ({line['compile_cpu_s']:.1f} s of processor)"
+    return f"{name}: {line['us']:.2f} µs, compiled in {compiled}"
+
+
+if __name__ == "__main__":
+    typer.run(main)

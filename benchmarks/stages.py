@@ -1,0 +1,102 @@
+"""Where the time of a frame goes: the whole program under JAX's profiler, summed by the stage of the step.
+
+Nothing is taken out of the program: every instruction of the compiled text carries the path of named scopes it came
+from, and the profiler times every instruction as it runs. An instruction's own time is its duration less that of the
+instructions inside it (loops and walls contain others), so own times add up to the whole. The profiler slows the
+program down, most where instructions are many and short; so only shares are returned, and they are approximate.
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+STAGES = ("sense", "steer", "forces", "body", "gait", "pose", "feet", "arms", "skin", "drag", "record")
+LOOPS = "loops"  # scanning over frames, mapping over tiles, moving states in and out of them
+
+_INSTRUCTION = re.compile(r"^\s+(?:ROOT )?%?(?P<name>[\w.\-]+) = .*?op_name=\"(?P<path>[^\"]*)\"", re.MULTILINE)
+
+
+class Event(NamedTuple):
+    """One instruction as it ran."""
+
+    name: str
+    start: float  # ns
+    duration: float  # ns
+
+
+def stage_of(path: str) -> str:
+    """Stage of an instruction from its path of scopes, e.g. "jit(rollout)/while/body/closed_call/skin/cond/add".
+
+    The innermost stage counts: skin/drag is drag. A wall of the step outside every stage is the recording.
+    """
+    parts = path.split("/")
+    # the step is what a loop calls that is no loop itself
+    calls = [i for i, (part, after) in enumerate(pairwise(parts)) if part == "closed_call" and after != "while"]
+    if not calls:
+        return LOOPS
+    step = parts[calls[0] :]
+    stages = [part for before, part in pairwise(step) if part in STAGES and before != "while"]  # not while/body
+    if stages:
+        return stages[-1]
+    return "record" if step[1] == "cond" else LOOPS
+
+
+def instruction_stages(text: str) -> dict[str, str]:
+    """Stage of every instruction of a compiled program's text that says where it came from."""
+    return {match["name"]: stage_of(match["path"]) for match in _INSTRUCTION.finditer(text)}
+
+
+def own_times(events: Iterable[Event], stages: Mapping[str, str]) -> dict[str, float]:
+    """ns by stage on one thread. Instructions of no known origin (copies), and the runtime's own events, count with
+    the instruction around them; what has none around it is not the program's."""
+    total: dict[str, float] = defaultdict(float)
+    above: list[tuple[float, str | None]] = []  # (end, stage) of the events we are inside of
+    for event in sorted(events, key=lambda event: (event.start, -event.duration)):
+        while above and above[-1][0] <= event.start:
+            above.pop()
+        around = above[-1][1] if above else None
+        stage = stages.get(event.name, around)
+        if stage is not None:
+            total[stage] += event.duration
+        if around is not None:
+            total[around] -= event.duration
+        above.append((event.start + event.duration, stage))
+    return total
+
+
+def shares(executable: Any, assets: Any, params: Any, states: Any, flag: Any, frames: int) -> dict[str, float]:
+    """Share of every stage in the time of `frames` frames, adding up to 1; empty where the profiler shows nothing.
+
+    executable: the compiled `crowd.simulate.rollout`, whose remaining arguments follow. The states are donated.
+    """
+    import jax
+    import jax.numpy as jnp
+
+    stages = instruction_stages(executable.as_text())
+    count = jnp.asarray(frames, jnp.int32)
+    options = jax.profiler.ProfileOptions()
+    options.python_tracer_level = 0
+    with tempfile.TemporaryDirectory(prefix="crowd-profile-") as folder:
+        with jax.profiler.trace(folder, profiler_options=options):
+            jax.block_until_ready(executable(assets, params, states, count, flag))
+        file = next(Path(folder).rglob("*.xplane.pb"))
+        total = sum_lines(jax.profiler.ProfileData.from_file(str(file)), stages)
+    whole = sum(total.values())
+    return {name: round(total[name] / whole, 4) for name in (*STAGES, LOOPS) if name in total} if whole > 0 else {}
+
+
+def sum_lines(profile: Any, stages: Mapping[str, str]) -> dict[str, float]:
+    """ns by stage, of all threads of a profile."""
+    total: dict[str, float] = defaultdict(float)
+    for plane in profile.planes:
+        for line in plane.lines:
+            events = [Event(event.name, event.start_ns, event.duration_ns) for event in line.events]
+            for stage, time in own_times(events, stages).items():
+                total[stage] += time
+    return total

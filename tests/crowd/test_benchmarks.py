@@ -1,0 +1,186 @@
+"""The benchmarks: their case list, their arithmetic, and one tiny case from end to end. Nothing here is about speed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import typer
+
+import crowd
+from benchmarks.cases import CASES, QUICK, Case, scenario
+from benchmarks.figures import alone_name, figures
+from benchmarks.measure import Job, frames_for
+from benchmarks.run import chosen, main, run_case
+from benchmarks.stages import LOOPS, STAGES, Event, instruction_stages, own_times, stage_of
+from benchmarks.start import first_frames
+from crowd.build import build
+from crowd.layout import TILE
+from crowd.scenario import load
+
+NAMES = [case.name for case in CASES]
+STEP = "jit(rollout)/while/body/closed_call/while/body/while/body/closed_call"
+
+
+def test_names_are_unique_and_quick_ones_exist() -> None:
+    assert len(set(NAMES)) == len(NAMES)
+    assert set(QUICK) <= set(NAMES)
+
+
+@pytest.mark.parametrize("case", CASES, ids=NAMES)
+def test_cases_are_scenarios_without_padding(case: Case) -> None:
+    model = load(scenario(case))
+    assert [herd.count for herd in model.herds] == [count for _, count in case.herds]
+    assert bool(model.world.fluids) == case.water and model.drag.mesh == case.mesh
+    assert model.rate_hz % model.record.rate_hz == 0 and not model.record.pose
+    assert all(count % (TILE * case.devices) == 0 for _, count in case.herds) or case.count < TILE
+
+
+def test_cases_of_ratios_differ_in_one_thing() -> None:
+    by_name = {case.name: case for case in CASES}
+    for case in CASES:
+        for archetype, _ in case.herds:
+            if len(case.herds) > 1:
+                alone = by_name[alone_name(case, archetype)]
+                assert (alone.mesh, alone.water, alone.count) == (case.mesh, case.water, case.count)
+        if case.devices > 1:
+            one = by_name[case.name.removesuffix("-2dev")]
+            assert (one.herds, one.mesh, one.water, one.devices) == (case.herds, case.mesh, case.water, 1)
+
+
+def test_largest_mixed_case_builds() -> None:
+    case = max(CASES, key=lambda case: len(case.herds))
+    layout, _, _, states = build(crowd.load(scenario(case)))
+    assert len(layout.herds) == len(case.herds) and layout.regions == 1
+    assert [state.position.shape[0] * TILE for state in states] == [count for _, count in case.herds]
+
+
+def test_job_survives_the_command_line() -> None:
+    for case in CASES:
+        job = Job(case, frames=3, runs=2, profile=False)
+        assert Job.read(job.text()) == job
+
+
+def test_few_characters_run_longer() -> None:
+    assert frames_for(16384) == frames_for(2048) == 60 < frames_for(64)
+
+
+@pytest.mark.parametrize(
+    ("path", "stage"),
+    [
+        (f"{STEP}/skin/cond/branch_1_fun/mul", "skin"),
+        (f"{STEP}/skin/drag/cond", "drag"),
+        (f"{STEP}/body/cond/branch_1_fun/add", "body"),
+        (f"{STEP}/pose/cond/branch_1_fun/while/body/closed_call/mul", "pose"),
+        (f"{STEP}/cond/branch_1_fun/stack", "record"),
+        (f"{STEP}/record/cond", "record"),
+        (f"{STEP}/sub", LOOPS),
+        ("jit(rollout)/while/body/closed_call/while/body/while", LOOPS),
+        ("jit(rollout)/shard_map/while/body/closed_call/while/body/while/body/dynamic_slice", LOOPS),
+        ("", LOOPS),
+    ],
+)
+def test_stage_of(path: str, stage: str) -> None:
+    assert stage_of(path) == stage
+
+
+def test_instruction_stages_reads_compiled_text() -> None:
+    text = f"""HloModule jit_rollout
+%fused {{
+  %add.1 = f32[3]{{0}} add(%a, %b), metadata={{op_name="{STEP}/gait/cond/branch_1_fun/add" stack_frame_id=3}}
+}}
+  ROOT %cond.12.clone = (f32[3]{{0}}) conditional(%p, %x, %y), metadata={{op_name="{STEP}/feet/cond"}}
+  %copy.3 = f32[3]{{0}} copy(%z)
+"""
+    assert instruction_stages(text) == {"add.1": "gait", "cond.12.clone": "feet"}
+
+
+def test_own_times_add_up() -> None:
+    stages = {"loop": LOOPS, "wall": "pose", "mul": "pose", "add": "gait"}
+    events = [
+        Event("Execute", 0.0, 105.0),  # the runtime's, around the program
+        Event("loop", 0.0, 100.0),
+        Event("wall", 10.0, 50.0),
+        Event("Execute", 12.0, 40.0),
+        Event("mul", 15.0, 30.0),
+        Event("copy.1", 70.0, 10.0),
+        Event("add", 80.0, 20.0),
+        Event("wait", 200.0, 50.0),  # outside
+    ]
+    assert own_times(reversed(events), stages) == {LOOPS: 30.0, "pose": 50.0, "gait": 20.0}
+
+
+def lines(**us: float) -> list[dict]:
+    return [
+        {"kind": "case", "case": name.replace("_", "-"), "us": value, "trace_s": 2.0, "compile_cold_s": 9.0}
+        for name, value in us.items()
+    ]
+
+
+def test_figures_reached_and_not() -> None:
+    measured = lines(
+        human_rigid_2048=4.0, human_rigid_2048_2dev=2.0, human_skinned_2048=13.0, human_skinned_2048_2dev=10.0,
+        dog_rigid_2048=6.0, human_dog_rigid_2048=6.5,
+    )  # fmt: skip
+    found = figures([*measured, {"kind": "start", "cold_s": 20.0, "warm_s": 4.0}])
+    assert [(figure.value, figure.verdict) for figure in found] == [
+        (4.0, "reached"),
+        (13.0, "falls short"),
+        (2.0, "reached"),
+        (1.3, "falls short"),
+        (11.0, "reached"),
+        (4.0, "reached"),
+        (1.3, "falls short"),
+        (None, "not measured"),
+        (None, "not measured"),
+        (None, "not measured"),
+    ]
+
+
+def test_failed_cases_have_no_figures() -> None:
+    failed = [{"kind": "case", "case": "human-rigid-2048", "error": "killed"}, {"kind": "start", "error": "killed"}]
+    assert all(figure.value is None and figure.reached is None for figure in figures(failed))
+
+
+def test_mixed_mean_is_weighted_with_characters() -> None:
+    measured = lines(
+        human_rigid_2048=4.0, dog_rigid_2048=8.0, hexapod_rigid_2048=16.0, human_dog_hexapod_rigid_2048=9.0
+    )
+    mean = (768 * 4.0 + 640 * 8.0 + 640 * 16.0) / 2048
+    assert any(figure.value == pytest.approx(9.0 / mean) for figure in figures(measured) if figure.value)
+
+
+def test_unknown_case_is_refused_with_the_nearest() -> None:
+    with pytest.raises(typer.BadParameter, match="did you mean 'human-dry-2048'"):
+        chosen(["human-dri-2048"], quick=False)
+    assert chosen([], quick=False) == list(CASES)
+    assert [case.name for case in chosen(["dog-rigid-2048"], quick=False)] == ["dog-rigid-2048"]
+
+
+def test_a_case_that_cannot_run_is_told() -> None:
+    assert "cores" in run_case(Job(Case("wide", (("human", 128),), devices=4096)))["error"]
+    assert "unicorn" in run_case(Job(Case("strange", (("unicorn", 4),)), frames=1, runs=1))["error"]
+
+
+def test_a_run_that_ends_early_is_told(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match=r"missing\.yaml"):
+        first_frames(tmp_path / "missing.yaml", tmp_path, tmp_path / "out")
+
+
+def test_tiny_case_from_end_to_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tiny = Case("tiny", (("human", 4),), water=False)
+    monkeypatch.setattr("benchmarks.run.chosen", lambda names, quick: [tiny])
+    out = tmp_path / "results" / "lines.jsonl"
+    main(out=out, runs=2, frames=3, start=False)
+    (line,) = [json.loads(text) for text in out.read_text().splitlines()]
+    assert "error" not in line
+    assert (line["kind"], line["case"], line["characters"], line["runs"], line["frames"]) == ("case", "tiny", 4, 2, 3)
+    assert 0 < line["us_min"] <= line["us"] <= line["us_max"] and line["us_cpu"] > 0
+    for name in ("trace_s", "compile_cold_s", "compile_warm_s", "temp_bytes_per_character", "peak_rss_bytes"):
+        assert line[name] > 0
+    assert line["cache_used"] and line["frozen_by_a_fault"] == 0
+    assert {"cpu", "cores", "jax", "commit", "time"} <= line["machine"].keys()
+    share = line["stage_share"]
+    assert set(share) <= {*STAGES, LOOPS} and {"body", "gait", "pose", "feet"} <= set(share)
+    assert sum(share.values()) == pytest.approx(1.0, abs=0.01)
