@@ -106,10 +106,10 @@ def _facing_doubt(facing: Facing) -> str:
     return f"facing: clips disagree ({facing.motion:.0%} agreement on the chosen front); set 'forward' if wrong"
 
 
-def _no_legs(raw: RawRig) -> Exception:
+def _no_legs(raw: RawRig, reason: str = "at least two mirrored chains of joints must reach the ground") -> Exception:
     return fail(
         raw.path.name,
-        "no legs found: at least two mirrored chains of joints must reach the ground; "
+        f"no legs found: {reason}; "
         f"name them under 'legs' in a rig description (joints: {', '.join(raw.names[:12])}, ...)",
     )
 
@@ -228,7 +228,7 @@ class _Rest:
             else:
                 legs.append(found)
         if len(legs) < 2:
-            raise _no_legs(self.subject.raw)
+            raise _no_legs(self.subject.raw, "; ".join(n for n in self.notes if n.startswith("not taken as a leg")))
         legs = mirrored(legs)
         self.unsure += [note for leg in legs if leg.side >= 0 for note in leg.notes]
         return legs

@@ -95,6 +95,8 @@ def _parents(document: Document, entries: list[dict]) -> list[int]:
             raise fail(document.where(f"node {index}"), "children must be an array of node indices")
         for child in children:
             document.item("nodes", child, f"node {index} children")
+            if child == index:
+                raise fail(document.where(f"node {index} children"), "the node is its own child, a cycle")
             if parents[child] >= 0:
                 raise fail(
                     document.where(f"node {index} children"),

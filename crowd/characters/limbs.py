@@ -13,6 +13,7 @@ from crowd.characters.subject import Subject, rest_vertices
 from crowd.posing import conjugate, rotate
 
 LOW = 0.2  # of the height: a group of touching joints below this is one foot
+TREAD = 0.03  # of the leg's height: joints whose skin comes this low tread the ground
 FOOT = 0.35  # of the leg's height: the ankle lies below this
 
 
@@ -176,9 +177,12 @@ def leg_chain(
     if given is not None:
         return LegChain(given[0], given[1], ankle, ball, contact, above, place, side)
     upper = list(above[: above.index(ankle)] if ankle is not None else above[: above.index(ball) + 1])
-    upper = [j for k, j in enumerate(upper) if k == 0 or np.linalg.norm(rest[j] - rest[upper[k - 1]]) > 0.01 * top]
+    same = [j for j, last in zip(upper[1:], upper, strict=False) if np.linalg.norm(rest[j] - rest[last]) < 0.01 * top]
+    upper = [j for j in upper if j not in same]
     if len(upper) < 2:
-        return f"the chain {' > '.join(subject.raw.names[j] for j in above)} has no joint that could be a knee"
+        names = subject.raw.names
+        why = "".join(f" ('{names[j]}' lies in the place of its parent, a bone of no length)" for j in same)
+        return f"the chain {' > '.join(names[j] for j in above)} has no joint that could be a knee{why}"
     hip, swing_note = _hip(subject, upper, contact, ball, moves)
     below_hip = upper[upper.index(hip) + 1 :]
     knee, knee_note = _knee(subject, hip, below_hip, ankle, ball, contact, moves)
@@ -191,7 +195,8 @@ def _foot_joints(subject: Subject, above: list[int], touching: list[int], level:
     rest = subject.raw.rest_position
     height = rest[list(above), 1] - level
     low = height <= FOOT * height.max()
-    near = [j for j in touching if low[above.index(j)] and above.index(j) > 0]
+    tread = level + TREAD * height.max()
+    near = [j for j in touching if low[above.index(j)] and above.index(j) > 0 and subject.rest_lowest[j] < tread]
     if not near:
         return None, touching[-1], False
     bone = 0.02 * float(np.linalg.norm(rest[above[0]] - rest[touching[-1]]))
@@ -233,8 +238,8 @@ def _hip(subject: Subject, upper: list[int], contact: np.ndarray, ball: int, mov
     turn = np.array([_turn_range(subject, j, upper, ball, moves) for j in candidates])
     swing = lever * turn
     bone = np.linalg.norm(np.diff(subject.raw.rest_position[upper], axis=0), axis=1)
-    # Short stubs between trunk and leg count only if they swing it most; a long bone is a thigh unless it hardly moves.
-    needed = np.where(bone > 0.15 * lever[0], 0.15, 0.95) * swing.max()
+    # Short stubs between trunk and leg count if they swing it a good deal; a long bone unless it hardly moves.
+    needed = np.where(bone > 0.15 * lever[0], 0.15, 0.5) * swing.max()
     first = int(np.argmax(swing >= np.minimum(needed, swing.max())))
     unsure = np.any((swing > 0.8 * needed) & (swing < 1.25 * needed))
     note = f"hip could also be another joint than '{subject.raw.names[candidates[first]]}'" if unsure else ""
@@ -277,7 +282,8 @@ def _knee(
         after = chain[k + 1] if k + 1 < len(chain) else ankle if ankle is not None else ball
         angles = [_bend(move.position, chain[k - 1], joint, after) for move in moves if after != joint]
         spread = max((float(np.ptp(a)) for a in angles), default=0.0)
-        scores.append((0.05 + spread) * min(first, second) / max(first + second, 1e-12))
+        share = min(first, second) / max(first + second, 1e-12)
+        scores.append((0.05 + spread) * share * min(1.0, share / 0.2) ** 2)  # a stub next to the hip reaches nowhere
     order = np.argsort(scores)[::-1]
     close = scores[order[1]] > 0.7 * scores[order[0]]
     note = ""

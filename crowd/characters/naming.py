@@ -51,6 +51,8 @@ def check_names(raw: RawRig, given: RigDescription) -> None:
         except InputError as error:
             problems.extend(error.problems)
 
+    if given.legs is not None and not given.legs:
+        problems.append(Problem(f"{raw.path.name} legs", "the list is empty; leave it out to have legs detected"))
     wanted(joint_index, given.pelvis, "pelvis")
     for number, leg in enumerate(given.legs or []):
         for part in ("hip", "knee"):
@@ -94,8 +96,6 @@ def legs_from(subject: Subject, legs: Sequence[LegDescription]) -> tuple[list[Fo
 
     Raises InputError with every unknown or misplaced joint.
     """
-    if len(legs) < 1:
-        raise fail(f"{subject.raw.path.name} legs", "the list is empty; leave it out to have legs detected")
     problems: list[Problem] = []
     out = []
     for number, leg in enumerate(legs):

@@ -21,13 +21,13 @@ from crowd.characters.raw_rig import RawClip, RawRig
 from crowd.characters.size import plausible
 from crowd.characters.thinning import kept_joints
 from crowd.errors import InputError, Problem
-from crowd.posing import conjugate, multiply, rotate
+from crowd.posing import conjugate, multiply, rotate, skin
 from crowd.resampling import align_hemispheres, resample, resample_rotation
 from crowd.types import Archetype, Arm, Clip, Leg, Mesh, Skeleton
 
 MIN_RATE_HZ, MAX_RATE_HZ, MIN_SAMPLES = 30.0, 60.0, 16
 DENSITY = 1000.0  # kg/m3, of bodies
-MASS_PER_CUBE = (3.0, 150.0)  # kg per cubic metre of standing height: bird-like to bull-like
+MASS_PER_BOX = (10.0, 700.0)  # kg per cubic metre of the box round the neutral pose: spiders to barrels
 
 
 def character_from_rig(raw: RawRig, description: RigDescription | None = None) -> Archetype:
@@ -44,8 +44,8 @@ def examined(raw: RawRig, given: RigDescription) -> tuple[RawRig, Detection]:
     """The rig as detection saw it (motion capture: made ready first) and what was detected."""
     if raw.mesh is not None and raw.up is not None:
         return raw, detect(raw, given)
-    up, sure = (given.up or raw.up, True) if given.up or raw.up else find_up(raw, raw.path.name)
-    assert up is not None
+    guess, sure = (given.up or raw.up, True) if given.up or raw.up else find_up(raw, raw.path.name)
+    up = next(axis for axis in AXES if axis == guess)
     ready = prepare(_sized(raw), up)
     # The rig is y up now, and so must be what the description says of the file's axes.
     turn = upright(up)
@@ -86,7 +86,7 @@ def normalised(raw: RawRig, found: Detection, description: RigDescription) -> Ar
     mesh = _mesh(found, frame, order, number, skeleton, rest_q, rest_p, notes)
     clips = _clips(found, frame, order, parents, legs)
     height = found.subject.height * found.metres
-    mass = _mass(mesh, rest_q, rest_p, height, description, notes)
+    mass = _mass(mesh, rest_q, rest_p, description, notes)
     return Archetype(
         description.name or raw.path.stem,
         skeleton,
@@ -261,16 +261,15 @@ def _centred(
     return moved
 
 
-def _mass(
-    mesh: Mesh, rest_q: np.ndarray, rest_p: np.ndarray, height: float, description: RigDescription, notes: list[str]
-) -> float:
+def _mass(mesh: Mesh, rest_q: np.ndarray, rest_p: np.ndarray, description: RigDescription, notes: list[str]) -> float:
     if description.mass_kg is not None:
         return description.mass_kg
     cubic_metres, closed = volume(mesh, rest_q, rest_p)
     how = f"the volume of the {'closed' if closed else 'open (so only about)'} mesh"
     mass = DENSITY * cubic_metres
-    low, high = (factor * height**3 for factor in MASS_PER_CUBE)
+    box = float(np.prod(np.ptp(skin(mesh, rest_q, rest_p), axis=0)))
+    low, high = (factor * box for factor in MASS_PER_BOX)
     clamped = float(np.clip(mass, low, high))
-    said = "" if clamped == mass else f", held between {low:.3g} and {high:.3g} kg for its height"
+    said = "" if clamped == mass else f", held between {low:.3g} and {high:.3g} kg for its size"
     notes.append(f"mass {clamped:.3g} kg from {how} at {DENSITY:.0f} kg/m3{said}; set 'mass_kg' to change it")
     return clamped
