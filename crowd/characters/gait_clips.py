@@ -104,8 +104,8 @@ class FootPath:
     """Where the contact point is and how the foot is pitched over a cycle; phase 0 is the foot's touchdown.
 
     stride: speed × cycle, m. front: z of the contact point at touchdown, m, from the origin of the clip. side: its x.
-    duty: fraction of the cycle on the ground. lift: height of the contact point over the swing (0 to 1), zero with zero
-    slope at both ends. pitch: of the foot against its flat pose over the cycle, degrees, toes up positive. bend: of the
+    duty: fraction of the cycle on the ground. lift: height of the contact point over the swing (0 to 1), zero at
+    both ends. pitch: of the foot against its flat pose over the cycle, degrees, toes up positive. bend: of the
     toes against the foot at toe-off, straightened over `relax` of the swing; on the ground the toes lie flat. late:
     above 1 the foot comes forward later in the swing. follow: share of the ground's speed the foot has as it leaves
     the ground and as it lands.

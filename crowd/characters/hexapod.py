@@ -122,7 +122,7 @@ def _tripod(
     poser.turn("abdomen_end", compose(yaw(-3.0 * np.cos(wave - 1.4)), pitch(1.2 * size * np.sin(2 * wave - 0.7))))
     _feel(poser, phase, 9.0)
     travel = speed * cycle * duty
-    up = spline((0, 0.3, 0.65, 1), (0, 0.9 * lift, lift, 0))
+    up = spline((0, 0.3, 0.65, 1), (0, 0.9 * lift, lift, 0), (5.0 * lift, -5.0 * lift))
     for row, (_, _, touchdown) in _ROWS.items():
         x, _, z = _leg_places(row)["tarsus"]
         for k, (side, sign) in enumerate(SIDES):

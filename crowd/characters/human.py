@@ -107,7 +107,9 @@ def _jog_path(stride: float, duty: float) -> dict:
         lifting = toe_off * np.clip((phase - rise) / (duty - rise), 0.0, 1.0) ** power
         return np.where(phase <= duty, lifting, swing((phase - duty) / (1.0 - duty)))
 
-    lift = spline((0, 0.1, 0.25, 0.4, 0.6, 0.8, 0.93, 1), (0, 0.0985, 0.228, 0.223, 0.110, 0.070, 0.033, 0))
+    lift = spline(
+        (0, 0.1, 0.25, 0.4, 0.6, 0.8, 0.93, 1), (0, 0.0985, 0.228, 0.223, 0.110, 0.070, 0.033, 0), (0.8, -0.55)
+    )
     return {"stride": stride, "front": 0.29, "duty": duty, "lift": lift, "pitch": angle, "late": 1.04}
 
 
