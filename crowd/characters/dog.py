@@ -1,4 +1,4 @@
-"""A dog of 0.60 m at the withers and 28 kg, generated.
+"""A dog of 0.60 m at the withers and 30 kg, generated.
 
 Gaits: lateral-sequence walk, trot
 and transverse gallop with Hildebrand's (1965) phase offsets and the duty factors usual for their speeds (dogs walk up
@@ -29,7 +29,7 @@ from crowd.characters.gait_clips import (
 from crowd.characters.two_sided import SIDES, leg, leg_joints
 from crowd.types import Archetype, Clip, ClipRole, Skeleton
 
-_MASS = 28.0  # kg
+_MASS = 30.0  # kg
 _SAMPLES = 60
 
 

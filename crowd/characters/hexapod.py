@@ -1,4 +1,4 @@
-"""A six-legged walker of 1 m and 12 kg, generated: an insect's plan at the size of a dog, so that it wades with others.
+"""A six-legged walker of 1 m and 27 kg, generated: an insect's plan at the size of a dog, so that it wades with others.
 
 Each leg has coxa, femur and tibia and ends in a short tarsus. Gaits: alternating tripod (front and hind leg of one side
 with the middle leg of the other), walking with a duty factor of 0.6 and running with 0.45.
@@ -18,7 +18,7 @@ from crowd.characters.surface import Part
 from crowd.characters.two_sided import SIDES, leg, leg_joints, other_side, two_sided
 from crowd.types import Archetype, Clip, ClipRole, Mesh, Skeleton
 
-HEIGHT, MASS = 0.56, 12.0  # knees
+HEIGHT, MASS = 0.56, 27.0  # knees
 _TARSUS = 0.03  # m, height of the last joint above the ground
 _SAMPLES = 60
 _CENTRE = {  # name: (parent, position standing, m)
