@@ -8,8 +8,9 @@ import numpy as np
 
 from crowd.characters.body_mesh import for_skeleton
 from crowd.characters.raw_rig import RawMesh, RawRig
+from crowd.characters.subject import posed_vertices
 from crowd.errors import fail
-from crowd.posing import multiply, rotate
+from crowd.posing import conjugate, multiply, rotate
 
 LIMB = 0.25  # of the height: longer branches beside the trunk are limbs
 ASIDE = np.radians(12.0)  # legs are spread until they point this far outwards
@@ -35,7 +36,48 @@ def with_body(raw: RawRig) -> RawRig:
     inverse_bind = mesh.inverse_bind.copy()
     inverse_bind[:, :3, 3] /= scale
     made = RawMesh(mesh.vertices / scale, mesh.triangles, mesh.joints, mesh.weights, inverse_bind)
+    made = _soled(raw, _ends_merged(raw, made), position, rotation)
     return replace(raw, mesh=made, notes=(*raw.notes, "the file has no mesh; a body is made round the bones"))
+
+
+def _ends_merged(raw: RawRig, mesh: RawMesh) -> RawMesh:
+    """The mesh with the skin of joints that end a chain and never turn there given to the joint above them."""
+    holder = np.arange(raw.count)
+    for joint, parent in enumerate(raw.parents):
+        if parent >= 0 and joint not in raw.parents and all(_rigid(clip.rotation, joint, parent) for clip in raw.clips):
+            holder[joint] = parent
+    return replace(mesh, joints=holder[mesh.joints])
+
+
+def _rigid(rotation: np.ndarray, joint: int, parent: int) -> bool:
+    local = multiply(conjugate(rotation[:, parent]), rotation[:, joint])
+    return bool(np.abs(np.sum(local * local[:1], -1)).min() > 1.0 - 1e-6)
+
+
+def _soled(raw: RawRig, mesh: RawMesh, position: np.ndarray, rotation: np.ndarray) -> RawMesh:
+    """The mesh with a vertex drawn to the sole of every foot whose skin ends above the others'.
+
+    Simplification rounds off the tips of thin legs, each differently; on uneven soles only some legs would stand.
+    """
+    rest, height = raw.rest_position, float(np.ptp(raw.rest_position[:, 1]))
+    level = rest[:, 1].min() + 0.05 * height
+    tips = [j for j in range(raw.count) if j not in raw.parents and rest[j, 1] < level]
+    skin = posed_vertices(mesh, raw.rest_rotation, rest)
+    around = [np.linalg.norm((skin - rest[tip])[:, [0, 2]], axis=1) < 0.06 * height for tip in tips]
+    lowest = np.array([skin[near, 1].min() if near.any() else np.inf for near in around])
+    if not len(tips) or not np.isfinite(lowest).any():
+        return mesh
+    sole = max(float(lowest.min()), float(rest[tips, 1].min()) - 0.04 * height)
+    vertices, joints, weights = mesh.vertices.copy(), mesh.joints.copy(), mesh.weights.copy()
+    for tip, low in zip(tips, lowest, strict=True):
+        if low < sole + 0.01 * height:
+            continue
+        turn = multiply(rotation[tip], conjugate(raw.rest_rotation[tip]))
+        goal = position[tip] + rotate(turn, np.array([0.0, sole - rest[tip, 1], 0.0]))
+        vertex = int(np.argmin(np.linalg.norm(vertices - goal, axis=1)))
+        vertices[vertex] = goal
+        joints[vertex], weights[vertex] = [max(raw.parents[tip], 0), 0, 0, 0], [1.0, 0.0, 0.0, 0.0]
+    return replace(mesh, vertices=vertices, joints=joints, weights=weights)
 
 
 def spread(raw: RawRig) -> tuple[np.ndarray, np.ndarray]:

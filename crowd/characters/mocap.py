@@ -101,29 +101,33 @@ def _split_calibration(raw: RawRig) -> tuple[tuple[RawClip, ...], tuple[np.ndarr
 
 
 def find_up(raw: RawRig, where: str) -> tuple[str, bool]:
-    """The axis at whose lower end the body stays level against its extent while moving most, and whether that is clear.
+    """The axis at whose lower end the body stays level while moving most there, and whether that is clear.
 
-    The head is as level as the ground under the feet, but feet move more than a head.
+    The head is as level as the ground under the feet, but feet move more than a head; left and right move alike; and
+    nobody travels upwards.
     """
     clip = max(raw.clips, key=lambda c: c.duration)
     position = _steady(clip)
-    size = np.ptp(position, axis=1)  # [F, 3]
-    if np.median(size.max(1)) <= 0:
+    extent = np.median(np.ptp(position, axis=1), axis=0)
+    if extent.max() <= 0:
         raise fail(where, "all joints lie in one point")
-    extent = np.median(size, axis=0)
+    way = clip.position[-1].mean(0) - clip.position[0].mean(0)
+    along = np.abs(way) / max(float(np.linalg.norm(way)), 0.3 * float(extent.max()))
+    moved = np.linalg.norm(position - position.mean(1, keepdims=True), axis=-1).std(0)
     ranks = []
-    for axis in range(3):
-        for sign in (1.0, -1.0):
-            height = sign * position[..., axis]
-            lowest = height.min(1)
-            ragged = float(np.std(lowest) / max(extent[axis], 1e-9 * extent.max()))
-            level = np.median(height - lowest[:, None], axis=0) / max(extent[axis], 1e-9 * extent.max())
-            unrest = np.linalg.norm(position - position.mean(1, keepdims=True), axis=-1).std(0) / extent.max()
-            legs, head = unrest[level < 0.2].mean(), unrest[level > 0.8].mean() if (level > 0.8).any() else 0.0
-            flat = 0.3 * max(0.0, 1.0 - extent[axis] / extent.max())  # people are taller than wide
-            convention = {(1, 1.0): 0.0, (2, 1.0): 0.02}.get((axis, sign), 0.06)
-            upside_down = 0.3 if legs < head else 0.0
-            ranks.append((ragged + flat + convention + upside_down, f"{'+' if sign > 0 else '-'}{'xyz'[axis]}"))
+    for axis, sign in ((axis, sign) for axis in range(3) for sign in (1.0, -1.0)):
+        size = max(float(extent[axis]), 1e-9 * float(extent.max()))
+        height = sign * position[..., axis]
+        ragged = float(np.std(height.min(1))) / size
+        level = np.median(height - height.min(1)[:, None], axis=0) / size
+        low, high = level < 0.2, level > 0.8
+        legs, head = (float(moved[part].mean()) if part.any() else 0.0 for part in (low, high))
+        contrast = (legs - head) / max(legs + head, 1e-12) if low.any() and high.any() else 0.0
+        still = 0.15 * (1.0 - contrast) if contrast > 0 else 0.4
+        flat = 0.05 * (1.0 - size / float(extent.max()))
+        convention = {(1, 1.0): 0.0, (2, 1.0): 0.02}.get((axis, sign), 0.06)
+        cost = ragged + still + flat + convention + 0.5 * float(along[axis])
+        ranks.append((cost, f"{'+' if sign > 0 else '-'}{'xyz'[axis]}"))
     ranks.sort()
     return ranks[0][1], bool(ranks[1][0] - ranks[0][0] > 0.05)
 
