@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from crowd.posing import matrix
+from crowd.resampling import resample, resample_rotation
+from crowd.types import Archetype, Clip
+
 MINIMAL = """HIERARCHY
 ROOT Hips
 {
@@ -139,3 +143,44 @@ def _text(rows: list[list[float]], rate: float, unit: float, up: str, tabs: bool
                 values.append(rest[index - 1])
         lines.append(" ".join(f"{value:.6f}" for value in values))
     return ("\r\n" if tabs else "\n").join(lines) + "\n"
+
+
+def euler_zxy(q: np.ndarray) -> np.ndarray:
+    """Angles [..., 3] in degrees (z, x, y) with Rz Rx Ry equal to the rotation of quaternions [..., 4]."""
+    m = matrix(q)
+    x = np.arcsin(np.clip(m[..., 2, 1], -1, 1))
+    z = np.arctan2(-m[..., 0, 1], m[..., 1, 1])
+    y = np.arctan2(-m[..., 2, 0], m[..., 2, 2])
+    return np.degrees(np.stack([z, x, y], -1))
+
+
+def exported(archetype: Archetype, clip: Clip, seconds: float, rate: float = 60.0, unit: float = 0.01) -> str:
+    """A character's clip as a capture that travels at the clip's speed; every joint has position channels."""
+    skeleton = archetype.skeleton
+    count = round(seconds * rate) + 1
+    time = np.arange(count) / rate
+    at = time / clip.duration * len(clip.rotation)
+    rotation, translation = resample_rotation(clip.rotation, at, True), resample(clip.translation, at, True).copy()
+    translation[:, 0, 2] += (clip.speed or 0.0) * time
+    angles = euler_zxy(rotation)
+    lines, order = ["HIERARCHY"], []
+
+    def write(joint: int) -> None:
+        order.append(joint)
+        offset = skeleton.rest_translation[joint] / unit
+        lines.append(f"{'ROOT' if skeleton.parents[joint] < 0 else 'JOINT'} {skeleton.names[joint]}\n{{")
+        lines.append("OFFSET " + " ".join(f"{v:.5f}" for v in offset))
+        lines.append("CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation")
+        children = [k for k, parent in enumerate(skeleton.parents) if parent == joint]
+        for child in children:
+            write(child)
+        ends = [leg.ball_offset for leg in archetype.legs if leg.ball == joint and not children]
+        for end in ends:
+            lines.append("End Site\n{\nOFFSET " + " ".join(f"{v / unit:.5f}" for v in end) + "\n}")
+        lines.append("}")
+
+    write(0)
+    lines += ["MOTION", f"Frames: {count}", f"Frame Time: {1 / rate:.7f}"]
+    values = np.concatenate([translation / unit, angles], -1)[:, order].reshape(count, -1)
+    lines += [" ".join(f"{v:.5f}" for v in row) for row in values]
+    return "\n".join(lines) + "\n"
