@@ -14,10 +14,9 @@ def frame_weights(
     Clip c holds columns [c * samples, (c + 1) * samples) at phases 0, 1/samples, ...; the clip is cyclic.
     """
     at = phase * samples
-    floor = jnp.floor(at)
-    first = jnp.clip(floor.astype(jnp.int32), 0, samples - 1)
+    first = jnp.clip(jnp.floor(at).astype(jnp.int32), 0, samples - 1)
     second = jnp.where(first + 1 >= samples, 0, first + 1)
-    share = jnp.clip(at - floor, 0.0, 1.0)
+    share = jnp.clip(at - first, 0.0, 1.0)  # 1, not 0, at phase 1, which wrapping a tiny negative phase gives
     column = clip * samples
     return jnp.stack([column + first, column + second]), jnp.stack([(1.0 - share) * weight, share * weight])
 
