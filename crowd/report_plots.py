@@ -18,6 +18,7 @@ from crowd.view.crowd_picture import surfaces
 from crowd.view.palette import GRID, INK, LEFT, QUIET, RIGHT, herd_color
 
 MOST_FRAMES, MOST_CHARACTERS = 2000, 1024  # read for a plot; of longer runs and larger herds an even selection
+MOST_CYCLES = 2  # herds whose gait cycle is shown: more curves could not be told apart
 DPI = 120
 
 
@@ -123,21 +124,22 @@ def drag(run: Any, scene: SceneLike, path: Path) -> Path:
 
 
 def center_of_pressure(run: Any, scene: SceneLike, path: Path) -> Path:
-    """Height of the centre of pressure against time per herd, and over the gait cycle of one character per herd."""
-    herds = list(enumerate(scene.herds))
+    """Height of the centre of pressure against time per herd, and over the gait cycle of one character of two herds."""
+    shown = 0
     made, axes = figure(11.0, 5.4, 2, 2, width_ratios=(3, 2))
     made.delaxes(axes[1, 0])
     made.delaxes(axes[0, 0])
     wide: Axes = made.add_subplot(axes[0, 0].get_gridspec()[:, 0])
     _copy_style(wide)
-    for number, herd in herds:
+    for number, herd in enumerate(scene.herds):
         data, color = Sampled(run, herd), herd_color(number)
         place, position = data["center_of_pressure"], data["position"]
         height = place[..., 1] - position[..., 1]
         _band(wide, data.time, height, color, herd.name)
         deep = mean_over(np.where(np.isfinite(height), data["depth"], np.nan))
         wide.plot(data.time, deep, color=color, linewidth=1.0, linestyle=(0, (1, 2)))
-        _cycle(data, place, position, color, axes[0, 1], axes[1, 1])
+        if shown < MOST_CYCLES:
+            shown += _cycle(data, place, position, color, axes[0, 1], axes[1, 1])
     wide.plot([], [], color=QUIET, linewidth=1.0, linestyle=(0, (1, 2)), label="surface")
     wide.set_ylim(bottom=0)
     wide.set_xlim(float(run.time[0]), float(run.time[-1]) + 1e-3)
@@ -160,11 +162,11 @@ def _copy_style(axes: Axes) -> None:
         spine.set_color(GRID)
 
 
-def _cycle(data: Sampled, place: np.ndarray, position: np.ndarray, color: str, high: Axes, aside: Axes) -> None:
-    """Points of one character's centre of pressure over its phase, and their mean curve."""
+def _cycle(data: Sampled, place: np.ndarray, position: np.ndarray, color: str, high: Axes, aside: Axes) -> bool:
+    """Points of one character's centre of pressure over its phase, and their mean curve; False when it stays dry."""
     wet = np.isfinite(place[..., 1])
     if not wet.any():
-        return
+        return False
     person = int(np.argmax(np.where(wet, data["depth"], 0.0).sum(0)))
     frames = np.nonzero(wet[:, person])[0]
     depth = data["depth"][frames, person]
@@ -178,6 +180,7 @@ def _cycle(data: Sampled, place: np.ndarray, position: np.ndarray, color: str, h
         count = np.bincount(bins, minlength=24)
         mean = np.bincount(bins, values, 24) / np.where(count > 0, count, np.nan)
         axes.plot((np.arange(24) + 0.5) / 24, mean, color=color, linewidth=1.8)
+    return True
 
 
 def speed_depth(run: Any, scene: SceneLike, path: Path) -> Path:

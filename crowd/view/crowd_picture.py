@@ -80,22 +80,6 @@ def travel_azimuth(run: Any, scene: SceneLike, frames: Sequence[int]) -> float:
     return float(np.degrees(np.arctan2(mean[0], mean[2]))) if np.hypot(mean[0], mean[2]) > 1e-3 else 0.0
 
 
-def extent(herd: HerdLike, position: np.ndarray) -> np.ndarray:
-    """Points [n, 2, 3] at the feet and the top of characters at `position` [n, 3]."""
-    top = np.asarray(herd.archetype.height * np.asarray(herd.scale, float))[: len(position), None] * [0.0, 1.0, 0.0]
-    return np.stack([position, position + top], 1)
-
-
-def wide_camera(
-    run: Any, scene: SceneLike, frame: int, size: tuple[int, int], azimuth: float, view: tuple[float, float] = WIDE_VIEW
-) -> Camera:
-    """A camera that sees every character of the crowd, which travels towards `azimuth`."""
-    clouds = [
-        extent(herd, np.asarray(run.herds[herd.name]["position"][frame], float)).reshape(-1, 3) for herd in scene.herds
-    ]
-    return framing(np.concatenate(clouds), size, azimuth + view[0], view[1], fov_deg=24.0, margin=0.04)
-
-
 def close_group(run: Any, scene: SceneLike, herd: HerdLike, frames: Sequence[int]) -> np.ndarray:
     """Numbers of the characters of a herd that a close-up shows: those at the edge towards the camera, together."""
     azimuth = np.radians(travel_azimuth(run, scene, frames) + CLOSE_VIEW[0])
@@ -112,13 +96,14 @@ def close_group(run: Any, scene: SceneLike, herd: HerdLike, frames: Sequence[int
     return np.sort(np.argsort(distance, kind="stable")[: min(GROUP, int(alive.sum()))])
 
 
-def close_camera(
-    run: Any, scene: SceneLike, herd: HerdLike, group: np.ndarray, frame: int, size: tuple[int, int], azimuth: float
-) -> Camera:
-    """A camera that sees a group of a herd from near by."""
-    position = np.asarray(run.herds[herd.name]["position"][frame], float)
-    points = extent(herd, position)[group]
-    return framing(points, size, azimuth + CLOSE_VIEW[0], CLOSE_VIEW[1], fov_deg=24.0, margin=0.08)
+def clear_view(geometry: Geometry, camera: Camera, points: np.ndarray) -> Geometry:
+    """The geometry without characters that stand between the camera and `points` [..., 3]."""
+    near = float(np.nanmin(camera.view(points)[..., 2])) - 0.2
+    bodies = []
+    for body in geometry.bodies:
+        keep = camera.view(body.vertices.mean(1))[:, 2] >= near
+        bodies.append(Body(body.vertices[keep], body.triangles, body.color[keep]))
+    return Geometry(bodies, geometry.ground, geometry.levels)
 
 
 def nearest_frame(time: np.ndarray, moment: float) -> int:
@@ -143,9 +128,12 @@ def crowd_pictures(
 
     def shot(frame: int) -> tuple[float, Image.Image, Image.Image]:
         geometry = geometry_at(run, scene, frame)
-        near = close_camera(run, scene, herd, group, frame, near_size, azimuth)
-        wide = wide_camera(run, scene, frame, size, azimuth)
-        return float(run.time[frame]), draw(geometry, wide, size), draw(geometry, near, near_size)
+        everybody = np.concatenate([body.vertices.reshape(-1, 3) for body in geometry.bodies])
+        wide = framing(everybody, size, azimuth + WIDE_VIEW[0], WIDE_VIEW[1], fov_deg=24.0, margin=0.04)
+        some = np.concatenate([vertices_at(herd, run.herds[herd.name], frame, slice(k, k + 1)) for k in group.tolist()])
+        near = framing(some, near_size, azimuth + CLOSE_VIEW[0], CLOSE_VIEW[1], fov_deg=24.0, margin=0.07)
+        close = clear_view(geometry, near, some.mean(1))
+        return float(run.time[frame]), draw(geometry, wide, size), draw(close, near, near_size)
 
     workers = min(len(frames), 4, os.cpu_count() or 1)
     with ThreadPoolExecutor(max(workers, 1)) as pool:

@@ -14,7 +14,16 @@ from crowd.recording import Recorder
 from crowd.report import PLOTS, moments_of, write_report
 from crowd.report_plots import Sampled, mean_over
 from crowd.scenario import Pictures
-from crowd.view.crowd_picture import bodies_at, close_group, has_poses, surfaces, travel_azimuth
+from crowd.view.camera import framing
+from crowd.view.crowd_picture import (
+    bodies_at,
+    clear_view,
+    close_group,
+    geometry_at,
+    has_poses,
+    surfaces,
+    travel_azimuth,
+)
 
 
 @pytest.fixture(scope="module")
@@ -112,3 +121,14 @@ def test_sampled_hides_frozen_characters(made_result):
     assert np.isnan(data["velocity"][10:, 0]).all()
     assert np.isfinite(data["velocity"][:, 1:]).all()
     assert np.allclose(mean_over(np.array([[1.0, np.nan], [np.nan, np.nan]])), [1.0, np.nan], equal_nan=True)
+
+
+def test_close_up_is_not_blocked(made_result):
+    geometry = geometry_at(made_result, made_result.scene, 40)
+    front = geometry.bodies[0].vertices[2]
+    camera = framing(front, (100, 60), 90.0, 5.0)
+    points = geometry.bodies[0].vertices[:1].mean(1)
+    clear = clear_view(geometry, camera, points)
+    kept = [camera.view(body.vertices.mean(1))[:, 2] for body in clear.bodies if len(body.vertices)]
+    assert np.concatenate(kept).min() >= camera.view(points)[0, 2] - 0.2
+    assert sum(len(body.vertices) for body in clear.bodies) < 5
