@@ -108,16 +108,21 @@ def mirror_normal(subject: Subject, tips: list[int], line: np.ndarray) -> tuple[
     """
     joints = subject.raw.rest_position[subject.carries]
     center = subject.raw.rest_position[tips].mean(0)
-    best: tuple[float, float, np.ndarray] | None = None
-    for degrees in range(0, 180, 5):
+
+    def asymmetry(degrees: float) -> tuple[float, np.ndarray]:
         normal = np.array([np.cos(np.radians(degrees)), 0.0, np.sin(np.radians(degrees))])
-        offset = (joints - center) @ normal
-        mirrored = joints - 2.0 * offset[:, None] * normal
+        mirrored = joints - 2.0 * ((joints - center) @ normal)[:, None] * normal
         gaps = np.linalg.norm(mirrored[:, None] - joints[None], axis=-1).min(1)
-        asymmetry = float(gaps.mean()) / subject.height
+        return float(gaps.mean()) / subject.height, normal
+
+    def cost(degrees: float) -> float:
+        gap, normal = asymmetry(degrees)
         # Square axes are what rigs are drawn in: they win near ties; x first, because +z is the usual front.
-        cost = asymmetry + 0.3 * float(line @ normal) ** 2 + (0.01 if degrees == 90 else 0.015 if degrees else 0.0)
-        if best is None or cost < best[0]:
-            best = (cost, asymmetry, normal)
-    assert best is not None
-    return best[2], best[1]
+        return gap + 0.3 * float(line @ normal) ** 2 + (0.01 if degrees == 90 else 0.015 if degrees else 0.0)
+
+    best = float(min(range(0, 180, 5), key=cost))
+    if best not in (0.0, 90.0):
+        for step in (1.0, 0.2, 0.04):
+            best = min((best + k * step for k in range(-5, 6)), key=lambda d: asymmetry(d)[0])
+    gap, normal = asymmetry(best)
+    return normal, gap

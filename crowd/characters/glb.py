@@ -77,11 +77,11 @@ class Document:
         entry = self.item("accessors", index, place)
         where = self.where(f"accessor {index}")
         kind = entry.get("type")
-        if kind not in _SHAPES:
+        if not isinstance(kind, str) or kind not in _SHAPES:
             raise fail(where, f"type {kind!r}; allowed: {', '.join(_SHAPES)}")
         if shape is not None and kind != shape:
             raise fail(where, f"type {kind}, but {place} needs {shape}")
-        dtype = _DTYPES.get(entry.get("componentType"))  # type: ignore[arg-type]
+        dtype = _component(entry)
         if dtype is None:
             raise fail(where, f"componentType {entry.get('componentType')!r}; allowed: {', '.join(map(str, _DTYPES))}")
         count = integer(self, entry, "count", where, None, 1)
@@ -147,7 +147,7 @@ class Document:
         if not isinstance(sparse, dict) or not all(isinstance(sparse.get(k), dict) for k in ("indices", "values")):
             raise fail(where, "sparse must have objects 'indices' and 'values'")
         count = integer(self, sparse, "count", where, None, 1)
-        index_type = _DTYPES.get(sparse["indices"].get("componentType"))
+        index_type = _component(sparse["indices"])
         if index_type is None or index_type.kind != "u":
             raise fail(
                 where, f"sparse indices componentType {sparse['indices'].get('componentType')!r} is not unsigned"
@@ -163,6 +163,11 @@ class Document:
             sparse["values"].get("bufferView"), sparse["values"], where, count, columns, rows, dtype
         )
         return filled
+
+
+def _component(entry: dict[str, Any]) -> np.dtype | None:
+    kind = entry.get("componentType")
+    return _DTYPES.get(kind) if isinstance(kind, int) else None
 
 
 def _range(count: int) -> str:

@@ -69,7 +69,7 @@ def _tracks(document: Document, tree: NodeTree, entry: dict, index: int) -> list
         path = target.get("path")
         if path == "weights" or "node" not in target:
             continue
-        if path not in _WIDTHS:
+        if not isinstance(path, str) or path not in _WIDTHS:
             raise fail(document.where(here), f"path {path!r}; allowed: {', '.join(_WIDTHS)}, weights")
         document.item("nodes", target["node"], here)
         sampler = channel.get("sampler")

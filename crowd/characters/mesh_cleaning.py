@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from crowd.errors import fail
 from crowd.posing import skin
 from crowd.types import Mesh
 
@@ -13,10 +14,11 @@ WELD = 1e-5  # of the mesh's size: vertices closer than this with equal weights 
 THIN = 1e-10  # of the size squared: triangles smaller than this are dropped
 
 
-def cleaned(mesh: Mesh, rest_q: np.ndarray, rest_p: np.ndarray, notes: list[str]) -> Mesh:
+def cleaned(mesh: Mesh, rest_q: np.ndarray, rest_p: np.ndarray, notes: list[str], where: str) -> Mesh:
     """The mesh welded, without empty triangles and with outward normals; `notes` tells what was changed.
 
-    rest_q, rest_p: rest pose of the joints [J, 4], [J, 3] in the character frame.
+    rest_q, rest_p: rest pose of the joints [J, 4], [J, 3] in the character frame. where: names the file in messages.
+    Raises InputError when no triangle has an area.
     """
     before = len(mesh.triangles)
     mesh = _welded(mesh)
@@ -25,6 +27,8 @@ def cleaned(mesh: Mesh, rest_q: np.ndarray, rest_p: np.ndarray, notes: list[str]
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     fine = (area > THIN * size * size) & (np.sort(mesh.triangles, 1)[:, :2] != np.sort(mesh.triangles, 1)[:, 1:]).all(1)
     triangles = mesh.triangles[fine]
+    if len(triangles) == 0:
+        raise fail(where, f"none of the {before} triangles has an area")
     if before - len(triangles) > 0.01 * before:
         notes.append(f"{before - len(triangles)} of {before} triangles have no area and were dropped")
     posed = skin(mesh, rest_q, rest_p)

@@ -210,7 +210,7 @@ def _mesh(
         table[joint] = k
     joints = np.where(raw.weights > 0, table[raw.joints], 0)
     mesh = Mesh(frame.place(raw.vertices), raw.triangles, joints, raw.weights, inverse_bind)
-    return cleaned(mesh, rest_q, rest_p, notes)
+    return cleaned(mesh, rest_q, rest_p, notes, f"{found.subject.raw.path.name} mesh")
 
 
 def _clips(

@@ -20,7 +20,7 @@ class Rig:
     names: list[str] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
     places: list[tuple[float, float, float]] = field(default_factory=list)  # global, rest
-    boxes: list[tuple[tuple[float, float, float], tuple[float, float, float], int]] = field(default_factory=list)
+    boxes: list[tuple[np.ndarray, np.ndarray, int]] = field(default_factory=list)  # corners and joint
     clips: dict[str, tuple[float, dict[int, np.ndarray], dict[int, np.ndarray]]] = field(default_factory=dict)
 
     def joint(self, name: str, parent: int, place: tuple[float, float, float]) -> int:
@@ -36,7 +36,7 @@ class Rig:
         self.box(low, high, joint)
 
     def box(self, low: Any, high: Any, joint: int) -> None:
-        self.boxes.append((tuple(map(float, low)), tuple(map(float, high)), joint))
+        self.boxes.append((np.array(low, float), np.array(high, float), joint))
 
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
@@ -171,7 +171,7 @@ def _reach(hip: np.ndarray, knee: np.ndarray, ankle: np.ndarray, target: np.ndar
 def gait_tracks(
     rig: Rig, legs: list[tuple[int, int, int]], phases: list[float], stride: float, lift: float, duty: float
 ) -> dict[int, np.ndarray]:
-    """Rotations of hips, knees and ankles that walk the ankles in place: back on the ground, forward through the air."""
+    """Rotations of hips, knees and ankles that walk the ankles in place: back on the ground, forward in the air."""
     places = np.array(rig.places)
     out: dict[int, np.ndarray] = {}
     for (hip, knee, ankle), phase in zip(legs, phases, strict=True):
@@ -226,7 +226,7 @@ def biped() -> Rig:
 
 
 def crawler(pairs: int, tarsus: bool = True) -> Rig:
-    """An insect or spider of `pairs` pairs of legs (coxa, femur, tibia, maybe tarsus); clip 'walk', alternating sets."""
+    """An insect or spider with `pairs` pairs of legs (coxa, femur, tibia, maybe tarsus) that step in two sets."""
     rig = Rig()
     root = rig.joint("body", -1, (0, 0.25, 0))
     rig.box((-0.12, 0.2, -0.15 * pairs), (0.12, 0.32, 0.15 * pairs), root)
@@ -247,10 +247,9 @@ def crawler(pairs: int, tarsus: bool = True) -> Rig:
                 rig.bone(tibia, rig.places[ankle], 0.02)
                 rig.box((0.6 * side - 0.02, 0, z - 0.01), (0.6 * side + 0.02, 0.05, z + 0.01), ankle)
             else:
-                rig.box(
-                    np.minimum(rig.places[tibia], end) - [0.01, 0, 0.01],
-                    np.maximum(rig.places[tibia], end) + [0.01, 0, 0.01], tibia,
-                )  # fmt: skip
+                margin = np.array([0.01, 0, 0.01])
+                low, high = np.minimum(rig.places[tibia], end), np.maximum(rig.places[tibia], end)
+                rig.box(low - margin, high + margin, tibia)
             t = np.mod(np.linspace(0, 1, SAMPLES) - 0.5 * ((row + (side > 0)) % 2), 1.0)
             swing = np.clip((t - 0.55) / 0.45, 0, 1)
             ahead = np.where(t < 0.55, 0.5 - t / 0.55, -0.5 + swing)
@@ -275,7 +274,7 @@ def quadruped(neck: float = 0.9) -> Rig:
         rig.bone(joint, tuple(place + step), 0.1)
         place = place + step
     head = rig.joint("skull", joint, tuple(place))
-    rig.box(place - [0.08, 0.05, 0.05], place + [0.08, 0.1, 0.3], head)
+    rig.box(place - np.array([0.08, 0.05, 0.05]), place + np.array([0.08, 0.1, 0.3]), head)
     joint, place = root, np.array([0, 0.95, -0.72])
     for number in range(4):
         joint = rig.joint(f"tail{number}", joint, tuple(place))

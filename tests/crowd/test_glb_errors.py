@@ -95,6 +95,10 @@ def joint_cycle(file: File) -> None:
     file.tree["nodes"][2]["children"] = [0]
 
 
+def flat_mesh(file: File) -> None:
+    overwrite(file, accessor_of(file, "POSITION"), np.ones((accessor_of(file, "POSITION")["count"], 3), np.float32))
+
+
 def only_idle() -> bytes:
     rig = biped()
     rig.clips = {"calm": breathing(rig, 1)}
@@ -200,6 +204,7 @@ CASES: dict[str, tuple[Callable[[], bytes], list[str]]] = {
     "joint index too high": (lambda: patched(far_joint), ["bound to joint 99"]),
     "vertex index too high": (lambda: patched(far_index), ["vertex 60000 is out of range"]),
     "NaN position": (lambda: patched(nan_position), ["accessor 0", "not finite"]),
+    "all vertices in one place": (lambda: patched(flat_mesh), ["bad.glb"]),
     "primitive mode": (lambda: patched(lambda f: primitive(f).update(mode=12)), ["mode 12"]),
     "no animation": (lambda: patched(lambda f: f.tree.pop("animations")), ["no animation"]),
     "clips of one frame": (lambda: patched(one_frame), ["one frame", "two"]),
@@ -236,7 +241,7 @@ def test_bad_glb(name: str, tmp_path: Path) -> None:
 
 
 def test_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="gone.glb: file not found"):
+    with pytest.raises(InputError, match=r"gone\.glb: file not found"):
         load("gone.glb", tmp_path)
 
 
