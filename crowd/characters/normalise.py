@@ -15,6 +15,7 @@ from crowd.characters.body_mesh import for_skeleton
 from crowd.characters.description import RigDescription
 from crowd.characters.detect import Detection, detect
 from crowd.characters.facing import AXES, upright
+from crowd.characters.idle import with_idle
 from crowd.characters.mesh_cleaning import cleaned, volume
 from crowd.characters.mocap import find_up, prepare
 from crowd.characters.raw_rig import RawClip, RawRig
@@ -33,11 +34,12 @@ MASS_PER_BOX = (10.0, 700.0)  # kg per cubic metre of the box round the neutral 
 def character_from_rig(raw: RawRig, description: RigDescription | None = None) -> Archetype:
     """The archetype of a rig read from any format. Raises InputError naming the file and the joint or clip.
 
-    A skeleton without mesh is taken as motion capture: it gets a standing pose, single strides and a body.
+    A skeleton without mesh is taken as motion capture: it gets a standing pose, single strides and a body. A rig
+    without an idle clip gets one made from its slowest gait.
     """
     given = description or RigDescription()
     raw, found = examined(raw, given)
-    return normalised(raw, found, given)
+    return with_idle(normalised(raw, found, given))
 
 
 def examined(raw: RawRig, given: RigDescription) -> tuple[RawRig, Detection]:

@@ -53,6 +53,26 @@ WALKER: tuple[tuple[str, str, tuple[float, float, float], tuple[float, float, fl
 )
 
 
+DUTY = 0.6  # of the walker's feet
+DROP = -0.06  # m, its hips against the straight leg
+
+
+def _foot(share: np.ndarray, stride: float) -> tuple[np.ndarray, np.ndarray]:
+    """Place of the ankle ahead of the hip and above the ground: planted for DUTY of the cycle, then swung forward."""
+    half = 0.5 * DUTY * stride
+    swing = np.clip((share - DUTY) / (1 - DUTY), 0, 1)
+    ahead = np.where(share < DUTY, half - stride * share, -half * np.cos(np.pi * swing))
+    return ahead, 0.05 * (1 - np.cos(2 * np.pi * swing))
+
+
+def _leg(ahead: np.ndarray, down: np.ndarray, upper: float = 0.45, lower: float = 0.4) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation of thigh and shin about x (rad) that bring the ankle there, knee forward."""
+    away = np.minimum(np.hypot(ahead, down), upper + lower - 1e-6)
+    knee = np.pi - np.arccos((upper**2 + lower**2 - away**2) / (2 * upper * lower))
+    inner = np.arccos((upper**2 + away**2 - lower**2) / (2 * upper * away))
+    return -np.arctan2(ahead, down) - inner, knee
+
+
 def walker(
     speed: float = 1.2,
     period: float = 1.1,
@@ -69,21 +89,20 @@ def walker(
     """A person walking at `speed` m/s with a stride of `period` s; unit: metres per file unit, turn: to the left."""
     frames = round(seconds * rate) + 1
     t = np.arange(frames) / rate
-    phase = 2 * np.pi * t / period
     yaw = np.radians(heading_deg + turn_deg_s * t)
     path = np.zeros((frames, 3))
     step = speed / rate
     path[1:, 0] = np.cumsum(step * np.sin((yaw[1:] + yaw[:-1]) / 2))
     path[1:, 2] = np.cumsum(step * np.cos((yaw[1:] + yaw[:-1]) / 2))
-    path[:, 1] = climb * t + 0.015 * np.cos(2 * phase)
+    path[:, 1] = climb * t + DROP
     angles = {name: np.zeros(frames) for name, *_ in WALKER}
-    swing = 0.45 * speed / 1.2
-    for side, shift in (("l", 0.0), ("r", np.pi)):
-        angles[f"{side}_thigh"] = -np.degrees(swing * np.cos(phase + shift))
-        lifted = np.maximum(-np.sin(phase + shift), 0) ** 2
-        angles[f"{side}_shin"] = np.degrees(0.1 + 0.9 * lifted)
-        angles[f"{side}_foot"] = -angles[f"{side}_thigh"] - angles[f"{side}_shin"]
-        angles[f"{side}_arm"] = np.degrees(0.3 * np.cos(phase + shift))
+    for side, shift in (("l", 0.0), ("r", 0.5)):
+        share = np.mod(t / period + shift, 1.0)
+        ahead, raised = _foot(share, speed * period)
+        thigh, shin = _leg(ahead, 0.85 + DROP - raised)
+        angles[f"{side}_thigh"], angles[f"{side}_shin"] = np.degrees(thigh), np.degrees(shin)
+        angles[f"{side}_foot"] = -angles[f"{side}_thigh"] - angles[f"{side}_shin"]  # flat at all times
+        angles[f"{side}_arm"] = np.degrees(0.3 * np.cos(2 * np.pi * (t / period + shift)))
     rows = []
     for f in range(frames):
         row = [*(path[f] / unit), np.degrees(yaw[f])]
