@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import functools
 import sys
 from collections.abc import Callable
@@ -44,6 +45,11 @@ def _told(command: Callable[..., None]) -> Callable[..., None]:
         except BrokenPipeError:  # the reader of our output has gone: `crowd schema | head`
             sys.stderr.close()
             raise typer.Exit(0) from None
+        except OSError as error:
+            if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EROFS):
+                raise
+            print(f"error: {error.filename or 'output'}: {error.strerror}", file=sys.stderr)
+            raise typer.Exit(1) from None
 
     return run
 

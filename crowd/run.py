@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,7 +46,9 @@ def run_scenario(request: Request) -> Path:
     compile_cache.enable()
     devices = use_devices(request.devices, scenario)
     scene = load_scene(scenario)
-    _announce(scene, frames, devices)
+    found = check.needs(scene, frames)
+    _refuse_too_large(found, out)
+    _announce(scene, found, frames, devices)
     fault = _step(scene, frames, devices, out)
     _report_faults(scene, fault)
     _evaluate(scene, out)
@@ -88,13 +91,30 @@ def _refuse_foreign(out: Path) -> None:
         raise fail(str(out), "is a file; the output is a folder")
     if out.is_dir() and any(out.iterdir()) and not (out / RECORDING).is_dir():
         raise fail(str(out), "is not empty and not an earlier run; choose another folder with --out or remove it")
-    parent = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
-    if not os.access(parent, os.W_OK):
-        raise fail(str(out), f"cannot be made: {parent} is not writable")
+    if not os.access(_existing(out), os.W_OK):
+        raise fail(str(out), f"cannot be made: {_existing(out)} is not writable")
 
 
-def _announce(scene: Scene, frames: int, devices: int) -> None:
-    scenario, found = scene.scenario, check.needs(scene, frames)
+def _existing(out: Path) -> Path:
+    """The folder, or the nearest one above it that is there already."""
+    return next(folder for folder in (out, *out.absolute().parents) if folder.exists())
+
+
+def _refuse_too_large(found: check.Needs, out: Path) -> None:
+    """`InputError` for a run that cannot fit into the machine's memory or onto the disk, before compiling."""
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if found.memory > memory:
+        raise fail(
+            "memory", f"about {check.readable(found.memory)} are needed; this machine has {check.readable(memory)}"
+        )
+    free = shutil.disk_usage(_existing(out)).free
+    if found.recording > 2 * free:  # recordings compress to about a half
+        message = f"the recording needs about {check.readable(found.recording // 2)}; {check.readable(free)} are free"
+        raise fail(str(out), f"{message}; record.rate_hz, record.pose or --seconds make it smaller")
+
+
+def _announce(scene: Scene, found: check.Needs, frames: int, devices: int) -> None:
+    scenario = scene.scenario
     for herd in found.herds:
         print(herd)
     for note in found.notes:
@@ -113,7 +133,6 @@ def _step(scene: Scene, frames: int, devices: int, out: Path) -> dict[str, np.nd
     with Progress(frames, scene.scenario.rate_hz, scene.count) as progress:
         chunks = stream(scene, frames, devices)
         first = next(chunks)
-        out.mkdir(parents=True, exist_ok=True)
         with Recorder(out / RECORDING, scene) as recorder:
             _record(recorder, first, progress, fault)
             for chunk in chunks:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import io
 import json
@@ -14,6 +15,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -239,6 +241,31 @@ def test_interrupt_in_a_command_ends_with_130(monkeypatch: pytest.MonkeyPatch) -
     done = crowd("doctor")
     assert done.exit_code == 130
     assert done.stderr == "interrupted\n"
+
+
+def test_run_too_large_for_disk_or_memory_is_refused(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = importlib.import_module("crowd.run")
+    monkeypatch.chdir(small.parent)
+    with monkeypatch.context() as patch:
+        patch.setattr(run.shutil, "disk_usage", lambda path: SimpleNamespace(free=1000))
+        done = crowd("run", small)
+    assert done.exit_code == 2
+    assert "the recording needs about" in done.stderr
+    assert "1.0 kB are free" in done.stderr
+    monkeypatch.setattr(run.check.Needs, "memory", 10**15)
+    done = crowd("run", small)
+    assert done.exit_code == 2
+    assert "about 1000.0 TB are needed" in done.stderr
+    assert list(small.parent.iterdir()) == [small]
+
+
+def test_full_disk_ends_with_one_and_no_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full() -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", "recording.zarr")
+
+    monkeypatch.setattr("crowd.doctor.findings", full)
+    done = crowd("doctor")
+    assert (done.exit_code, done.stderr) == (1, "error: recording.zarr: No space left on device\n")
 
 
 def test_every_problem_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
