@@ -32,7 +32,8 @@ RESULTS = ROOT / "benchmarks" / "results" / "latest.jsonl"
 def run_case(job: Job) -> Line:
     """The line of one case, timed in one process and compiled from the cache in another.
 
-    A case that fails, or needs more cores than there are, has an "error" instead of measurements.
+    A case that fails, or needs more cores than there are, has an "error" instead of measurements. "cache_used" is false
+    where the second process compiled anew: the program is not the same in every process, or the code was changed.
     """
     case = job.case
     line: Line = {"kind": "case", "case": case.name, "devices": case.devices, "characters": case.count}
@@ -117,7 +118,8 @@ def _told(line: Line) -> str:
     if "error" in line:
         return f"{name}: {line['error']}"
     if line["kind"] == "start":
-        return f"{name}: {line['cold_s']:.1f} s, with a warm cache {line['warm_s']:.1f} s"
+        warm = f"{line['warm_s']:.1f} s ({line['warm_cpu_s']:.1f} s of processor)"
+        return f"{name}: {line['cold_s']:.1f} s, with a warm cache {warm}"
     compiled = f"{line['compile_cold_s']:.1f} s ({line['compile_cpu_s']:.1f} s of processor)"
     return f"{name}: {line['us']:.2f} µs, compiled in {compiled}"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -21,8 +22,17 @@ PATIENCE = 300.0  # s
 def start() -> dict[str, Any]:
     """Starts the shipped scenario twice with an empty cache, on all cores, as a user would."""
     with tempfile.TemporaryDirectory(prefix="crowd-start-") as folder:
-        cold, warm = (first_frames(SCENARIO, Path(folder), Path(folder) / f"out{run}") for run in range(2))
-    return {"kind": "start", "scenario": SCENARIO.stem, "cold_s": round(cold, 2), "warm_s": round(warm, 2)}
+        cold, warm = (_timed(Path(folder), f"out{run}") for run in range(2))
+    line = {"cold_s": cold[0], "cold_cpu_s": cold[1], "warm_s": warm[0], "warm_cpu_s": warm[1]}
+    return {"kind": "start", "scenario": SCENARIO.stem} | {name: round(value, 2) for name, value in line.items()}
+
+
+def _timed(folder: Path, out: str) -> tuple[float, float]:
+    """Seconds to the first frames, and of processor time until the command had been stopped."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    seconds = first_frames(SCENARIO, folder, folder / out)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return seconds, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def first_frames(scenario: Path, cache: Path, out: Path) -> float:

@@ -24,7 +24,7 @@ def show(lines: list[Line], figures: list[Figure], console: Console) -> None:
             "compiler included. Compile: with an empty cache (wall, processor), then with the program in the cache."
         )
         if any(busy(line) for line in timed):
-            console.print("[yellow]* the machine was busy: wall time is well above processor time[/]")
+            console.print("[yellow]* the machine was busy (wall time well above processor time): nothing here is reliable[/]")
     if any(line.get("stage_share") for line in timed):
         console.print(_stages(timed))
     console.print(_figures(figures))
@@ -59,7 +59,7 @@ def _cases(lines: list[Line]) -> Table:
             f"{line['trace_s']:.1f}",
             f"{line['compile_cold_s']:.1f}",
             f"{line['compile_cpu_s']:.1f}",
-            f"{line['compile_warm_s']:.1f}",
+            f"{line['compile_warm_s']:.1f}" if line["cache_used"] else "missed",
             f"{line['temp_bytes_per_character']:.0f}" if "temp_bytes_per_character" in line else "",
             f"{line['peak_rss_bytes'] / 1e6:.0f}",
         )
