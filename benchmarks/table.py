@@ -24,7 +24,9 @@ def show(lines: list[Line], figures: list[Figure], console: Console) -> None:
             "compiler included. Compile: with an empty cache (wall, processor), then with the program in the cache."
         )
         if any(busy(line) for line in timed):
-            console.print("[yellow]* the machine was busy (wall time well above processor time): nothing here is reliable[/]")
+            console.print(
+                "[yellow]* the machine was busy (wall time well above processor time): nothing here is reliable[/]"
+            )
     if any(line.get("stage_share") for line in timed):
         console.print(_stages(timed))
     console.print(_figures(figures))
