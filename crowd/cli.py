@@ -166,10 +166,10 @@ def doctor() -> None:
         print(f"{name:<{width}}  {value}")
 
 
-@app.command(context_settings={"ignore_unknown_options": True})
+@app.command(context_settings={"ignore_unknown_options": True}, add_help_option=False)
 @_told
 def bench(arguments: Annotated[list[str] | None, typer.Argument(metavar="[ARGS]...")] = None) -> None:
-    """Run the benchmarks of a checkout; arguments are passed on."""
+    """Run the benchmarks of a checkout; arguments (--help too) are passed on."""
     import importlib.util
     import runpy
 
