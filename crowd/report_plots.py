@@ -133,7 +133,8 @@ def center_of_pressure(run: Any, scene: SceneLike, path: Path) -> Path:
     _copy_style(wide)
     for number, herd in enumerate(scene.herds):
         data, color = Sampled(run, herd), herd_color(number)
-        place, position = data["center_of_pressure"], data["position"]
+        # A sole pressed a hair into ground that lies level with the surface is no wading.
+        place, position = np.where(data["depth"][..., None] > 0, data["center_of_pressure"], np.nan), data["position"]
         height = place[..., 1] - position[..., 1]
         _band(wide, data.time, height, color, herd.name)
         deep = mean_over(np.where(np.isfinite(height), data["depth"], np.nan))

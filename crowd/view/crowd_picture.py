@@ -20,7 +20,10 @@ from crowd.view.raster import draw
 
 MOST_TRIANGLES = 1_500_000  # in one picture; of larger crowds an even selection is drawn
 GROUP = 6  # characters in a close-up
-WIDE_VIEW, CLOSE_VIEW = (40.0, 17.0), (62.0, 9.0)  # azimuth from the direction of travel, elevation; degrees
+# Degrees: azimuths from the direction of travel from which the crowd may be seen, and elevations.
+WIDE_AZIMUTHS, WIDE_ELEVATION = (40.0, 25.0, 10.0, 55.0, -20.0, -40.0), 17.0
+CLOSE_VIEW = (62.0, 9.0)
+WIDE_FOV, CLOSE_FOV = 24.0, 24.0
 # Linear colour and clarity (m) by density in kg/m3: water, mud, goo.
 FLUIDS = ((1000.0, (0.008, 0.12, 0.23), 1.3), (1840.0, (0.15, 0.085, 0.045), 0.32), (2750.0, (0.09, 0.19, 0.025), 0.45))
 NEEDED = ("pose_position", "pose_orientation", "joint_rotation", "joint_translation")
@@ -80,6 +83,18 @@ def travel_azimuth(run: Any, scene: SceneLike, frames: Sequence[int]) -> float:
     return float(np.degrees(np.arctan2(mean[0], mean[2]))) if np.hypot(mean[0], mean[2]) > 1e-3 else 0.0
 
 
+def wide_azimuth(run: Any, scene: SceneLike, frame: int, size: tuple[int, int], travel: float) -> float:
+    """Azimuth in degrees, from the front, from which the smallest herd in the picture of the whole crowd is largest."""
+    herds = [np.asarray(run.herds[herd.name]["position"][frame], float) for herd in scene.herds]
+    points = np.concatenate(herds)
+
+    def size_of_smallest(turn: float) -> float:
+        camera = framing(points, size, travel + turn, WIDE_ELEVATION, WIDE_FOV, 0.04)
+        return min(1.0 / float(np.nanmedian(camera.view(herd)[:, 2])) for herd in herds)
+
+    return travel + max(WIDE_AZIMUTHS, key=size_of_smallest)
+
+
 def close_group(run: Any, scene: SceneLike, herd: HerdLike, frames: Sequence[int]) -> np.ndarray:
     """Numbers of the characters of a herd that a close-up shows: those at the edge towards the camera, together."""
     azimuth = np.radians(travel_azimuth(run, scene, frames) + CLOSE_VIEW[0])
@@ -126,12 +141,14 @@ def crowd_pictures(
     near_size = (max(size[0] * 3 // 5, 1), size[1])
     azimuth, group = travel_azimuth(run, scene, frames), close_group(run, scene, herd, frames)
 
+    around = wide_azimuth(run, scene, frames[len(frames) // 2], size, azimuth)
+
     def shot(frame: int) -> tuple[float, Image.Image, Image.Image]:
         geometry = geometry_at(run, scene, frame)
         everybody = np.concatenate([body.vertices.reshape(-1, 3) for body in geometry.bodies])
-        wide = framing(everybody, size, azimuth + WIDE_VIEW[0], WIDE_VIEW[1], fov_deg=24.0, margin=0.04)
+        wide = framing(everybody, size, around, WIDE_ELEVATION, WIDE_FOV, margin=0.04)
         some = np.concatenate([vertices_at(herd, run.herds[herd.name], frame, slice(k, k + 1)) for k in group.tolist()])
-        near = framing(some, near_size, azimuth + CLOSE_VIEW[0], CLOSE_VIEW[1], fov_deg=24.0, margin=0.07)
+        near = framing(some, near_size, azimuth + CLOSE_VIEW[0], CLOSE_VIEW[1], CLOSE_FOV, margin=0.07)
         close = clear_view(geometry, near, some.mean(1))
         return float(run.time[frame]), draw(geometry, wide, size), draw(close, near, near_size)
 
