@@ -44,7 +44,7 @@ Names = Annotated[list[str], BeforeValidator(_listed)]
 
 
 class ClipRoles(Model):
-    """Clip names by role; a role left out is detected, an empty list means none."""
+    """Clip names by role; a role left out is detected, an empty list means none. `other` clips are left out."""
 
     idle: str | None = None
     walk: Names | None = None

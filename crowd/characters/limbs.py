@@ -158,7 +158,7 @@ def ground_foot(subject: Subject, foot: Foot, trunk: list[int]) -> FootJoints:
     above = [j for j in subject.above(foot.tip)[::-1] if j not in set(trunk)]
     touching = [j for j in above if j in foot.members]
     level = float(subject.rest_lowest[list(foot.members)].min())
-    ankle, ball, flat = _foot_joints(subject, above, touching, level)
+    ankle, ball, flat = _foot_joints(subject, above, touching, foot.members, level)
     contact = contact_point(subject, ankle, ball, flat, level)
     sole = tuple(sorted({ball, *(() if ankle is None else (ankle,)), *(foot.members if ankle is not None else ())}))
     if ankle is not None:
@@ -190,7 +190,9 @@ def leg_chain(
     return LegChain(hip, knee, ankle, ball, contact, above, place, side, notes)
 
 
-def _foot_joints(subject: Subject, above: list[int], touching: list[int], level: float) -> tuple[int | None, int, bool]:
+def _foot_joints(
+    subject: Subject, above: list[int], touching: list[int], members: Sequence[int], level: float
+) -> tuple[int | None, int, bool]:
     """Ankle, ball and whether the sole is flat from the ankle on (plantigrade)."""
     rest = subject.raw.rest_position
     height = rest[list(above), 1] - level
@@ -201,10 +203,17 @@ def _foot_joints(subject: Subject, above: list[int], touching: list[int], level:
         return None, touching[-1], False
     bone = 0.02 * float(np.linalg.norm(rest[above[0]] - rest[touching[-1]]))
     first = above.index(near[0])
+
+    def toes(joint: int) -> int:
+        return sum(bool(set(subject.below(child)) & set(members)) for child in subject.children[joint])
+
     if first > 2 and low[first - 1]:
         step = rest[near[0]] - rest[above[first - 1]]
         if np.hypot(step[0], step[2]) > max(-step[1], bone):
-            return above[first - 1], near[0], True
+            ankle = above[first - 1]
+            return (ankle, ankle, False) if toes(ankle) > 1 else (ankle, near[0], True)
+    if toes(near[0]) > 1:  # no single toe carries the foot
+        return near[0], near[0], False
     ball = near[1] if len(near) > 1 and np.linalg.norm(rest[near[1]] - rest[near[0]]) > bone else near[0]
     return near[0], ball, ball != near[0]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from crowd.characters.body_mesh import for_skeleton
-from crowd.characters.description import RigDescription
+from crowd.characters.description import Axis, RigDescription
 from crowd.characters.detect import Detection, detect
 from crowd.characters.facing import AXES, upright
 from crowd.characters.idle import with_idle
@@ -47,7 +47,7 @@ def examined(raw: RawRig, given: RigDescription) -> tuple[RawRig, Detection]:
     if raw.mesh is not None and raw.up is not None:
         return raw, detect(raw, given)
     guess, sure = (given.up or raw.up, True) if given.up or raw.up else find_up(raw, raw.path.name)
-    up = next(axis for axis in AXES if axis == guess)
+    up: Axis = next(axis for axis in AXES if axis == guess)
     ready = prepare(_sized(raw), up)
     # The rig is y up now, and so must be what the description says of the file's axes.
     turn = upright(up)

@@ -113,9 +113,8 @@ def build(rig: Rig, skins: int = 1, scale: float = 1.0, yaw: float = 0.0, indexe
     for joint, name in enumerate(rig.names):
         parent = rig.parents[joint]
         offset = places[joint] - (places[parent] if parent >= 0 else 0.0)
-        nodes.append({"name": name, "translation": offset.tolist(), "children": []})
-        if parent >= 0:
-            nodes[parent]["children"].append(joint)
+        children = [child for child, above in enumerate(rig.parents) if above == joint]
+        nodes.append({"name": name, "translation": offset.tolist(), "children": children})
     armature = len(nodes)
     roots = [j for j, p in enumerate(rig.parents) if p < 0]
     nodes.append({"name": "Armature", "scale": [scale] * 3, "children": roots,

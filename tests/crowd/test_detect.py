@@ -11,7 +11,7 @@ from crowd import posing
 from crowd.characters import load
 from crowd.characters.inspect import inspect
 from crowd.types import Archetype
-from tests.crowd.glb_writer import SAMPLES, Rig, biped, build, crawler, quadruped, turn
+from tests.crowd.glb_writer import SAMPLES, Rig, biped, build, crawler, gait_tracks, mesh_arrays, quadruped, turn
 
 
 def loaded(rig: Rig, folder: Path, description: dict | None = None, **how: float) -> Archetype:
@@ -25,7 +25,8 @@ def legs(archetype: Archetype) -> dict[str, tuple[str, str, str, str]]:
 
 
 def roles(archetype: Archetype) -> dict[str, str]:
-    return {clip.name: clip.role for clip in archetype.clips}
+    """Roles of the file's own clips; a rig without an idle gets one made."""
+    return {clip.name: clip.role for clip in archetype.clips if not clip.name.endswith("(made)")}
 
 
 def contacts(archetype: Archetype, name: str) -> np.ndarray:
@@ -203,8 +204,8 @@ def test_root_motion_becomes_in_place_with_its_speed(tmp_path: Path) -> None:
     way[:, 2] += np.linspace(0, speed * duration * strides, len(way))
     rig.clips = {"go": (duration * strides, many, {0: way})}
     archetype = loaded(rig, tmp_path)
-    (clip,) = archetype.clips
-    assert clip.role == "walk"
+    assert roles(archetype) == {"go": "walk"}
+    clip = next(clip for clip in archetype.clips if clip.name == "go")
     assert clip.speed == pytest.approx(speed, rel=0.03)
     assert clip.duration == pytest.approx(duration, rel=0.05)
     assert np.abs(clip.translation[-1, 0, 2] - clip.translation[0, 0, 2]) < 0.05
@@ -265,3 +266,85 @@ def test_description_overrides_detection(tmp_path: Path) -> None:
     assert {leg.name: leg.side for leg in archetype.legs} == {"stilt": -1, "peg": 1}
     assert archetype.arms == ()
     assert roles(archetype) == {"three": "walk", "two": "idle"}
+
+
+def bird() -> Rig:
+    """A digitigrade biped with four toes a foot, wings, a neck and a tail."""
+    rig = Rig()
+    root = rig.joint("trunk", -1, (0, 0.5, 0))
+    rig.box((-0.1, 0.4, -0.25), (0.1, 0.6, 0.2), root)
+    neck = rig.joint("neck", root, (0, 0.6, 0.18))
+    rig.bone(neck, (0, 0.9, 0.25), 0.05)
+    head = rig.joint("head", neck, (0, 0.9, 0.25))
+    rig.box((-0.05, 0.86, 0.2), (0.05, 0.96, 0.4), head)
+    legs = []
+    for side in (1, -1):
+        x = 0.08 * side
+        hip = rig.joint(f"hip{side}", root, (x, 0.45, 0))
+        knee = rig.joint(f"knee{side}", hip, (x, 0.33, 0.08))
+        hock = rig.joint(f"hock{side}", knee, (x, 0.16, -0.04))
+        foot = rig.joint(f"foot{side}", hock, (x, 0.02, 0.02))
+        for joint, end in ((hip, knee), (knee, hock), (hock, foot)):
+            rig.bone(joint, rig.places[end], 0.02)
+        for number, (dx, dz) in enumerate(((-0.05, 0.08), (0, 0.1), (0.05, 0.08), (0, -0.05))):
+            toe = rig.joint(f"toe{number}{side}", foot, (x + 0.2 * dx, 0.01, 0.02 + 0.3 * dz))
+            rig.bone(toe, (x + dx, 0.01, 0.02 + dz), 0.015)
+        wing = rig.joint(f"wing{side}", root, (0.1 * side, 0.58, 0.1))
+        rig.bone(wing, (0.14 * side, 0.5, -0.2), 0.03)
+        legs.append((hip, hock, foot))
+    rig.clips["strut"] = (0.7, gait_tracks(rig, legs, [0.0, 0.5], 0.2, 0.06, 0.6), {})
+    return rig
+
+
+def test_many_toes_are_one_foot(tmp_path: Path) -> None:
+    archetype = loaded(bird(), tmp_path)
+    assert legs(archetype) == {
+        "left": ("hip1", "hock1", "foot1", "foot1"),
+        "right": ("hip-1", "hock-1", "foot-1", "foot-1"),
+    }
+    rotation, position = posing.world_transforms(archetype.skeleton, posing.rest_motion(archetype.skeleton))
+    for leg in archetype.legs:
+        contact = position[leg.ball] + posing.rotate(rotation[leg.ball], np.array(leg.ball_offset))
+        assert abs(contact[0] - 0.08 * leg.side) < 0.02  # between the toes
+    assert roles(archetype) == {"strut": "walk"}
+
+
+def test_a_cape_and_twist_joints_change_nothing(tmp_path: Path) -> None:
+    rig = biped()
+    cape = rig.joint("cape", 1, (0, 1.4, -0.12))
+    hem = rig.joint("hem", cape, (0, 0.7, -0.2))
+    rig.box((-0.35, 0.02, -0.25), (0.35, 0.7, -0.2), hem)
+    for side in (1, -1):
+        hip, knee = rig.names.index(f"a{side}"), rig.names.index(f"b{side}")
+        middle = (np.array(rig.places[hip]) + np.array(rig.places[knee])) / 2
+        twist = rig.joint(f"twist{side}", hip, tuple(middle))
+        rig.box(middle - 0.04, middle + 0.04, twist)
+        rig.parents[knee] = twist
+    archetype = loaded(rig, tmp_path)
+    assert legs(archetype) == {"left": ("a1", "b1", "c1", "d1"), "right": ("a-1", "b-1", "c-1", "d-1")}
+    assert any("hem" in note for note in archetype.notes)
+
+
+def test_rigid_parts_without_any_skin(tmp_path: Path) -> None:
+    """Boxes hung on animated nodes, as robots are often built."""
+    rig = biped()
+    file = build(rig)
+    del file.tree["skins"]
+    file.tree["nodes"] = [node for node in file.tree["nodes"] if "skin" not in node]
+    file.tree["meshes"] = []
+    for low, high, joint in rig.boxes:
+        place = np.array(rig.places[joint])
+        arrays = mesh_arrays(Rig(rig.names, rig.parents, rig.places, [(low - place, high - place, joint)]))
+        primitive = {"attributes": {"POSITION": file.accessor(arrays["POSITION"])}}
+        file.tree["meshes"].append({"primitives": [primitive | {"indices": file.accessor(arrays["indices"])}]})
+        file.tree["nodes"][joint]["children"].append(len(file.tree["nodes"]))
+        file.tree["nodes"].append({"name": f"box {joint}", "mesh": len(file.tree["meshes"]) - 1})
+    file.tree["scenes"] = [{"nodes": [len(rig.names)]}]
+    file.write(tmp_path / "a.glb")
+    archetype = load("a.glb", tmp_path)
+    assert {name: parts[:3] for name, parts in legs(archetype).items()} == {
+        "left": ("a1", "b1", "c1"),
+        "right": ("a-1", "b-1", "c-1"),
+    }
+    assert archetype.height == pytest.approx(1.7, abs=1e-3)
+    assert len(archetype.mesh.triangles) == 12 * len(rig.boxes)

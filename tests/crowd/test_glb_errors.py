@@ -108,7 +108,9 @@ def only_idle() -> bytes:
 def no_legs() -> bytes:
     rig = biped()
     still = [rig.joint(f"extra{k}", 0, (0, 1.0 + 0.01 * k, 0)) for k in range(2)]
-    rig.boxes = [((-0.1, 0.0, -0.1), (0.1, 0.2, 0.1), still[0]), ((-0.1, 1.0, -0.1), (0.1, 1.7, 0.1), still[1])]
+    rig.boxes = []
+    rig.box((-0.1, 0.0, -0.1), (0.1, 0.2, 0.1), still[0])
+    rig.box((-0.1, 1.0, -0.1), (0.1, 1.7, 0.1), still[1])
     rig.clips["wag"] = (1.0, {still[0]: turn((0, 1, 0), 0.3 * np.sin(np.linspace(0, 2 * np.pi, SAMPLES)))}, {})
     return build(rig).glb()
 

@@ -106,9 +106,9 @@ def posed(archetype: Archetype, clip_name: str, frame: int) -> tuple[np.ndarray,
 
 def farthest(a: np.ndarray, b: np.ndarray) -> float:
     """Greatest distance from a point of `a` to `b`, both moved to a common corner."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
-    return float(cKDTree(b - b.min(0)).query(a - a.min(0))[0].max())
+    return float(KDTree(b - b.min(0)).query(a - a.min(0))[0].max())
 
 
 @pytest.mark.parametrize("skins", [1, 3])
