@@ -8,18 +8,10 @@ import numpy as np
 
 from crowd.characters.bvh_text import Bvh, parse
 from crowd.characters.cycle import to_global
-from crowd.characters.description import RigDescription
 from crowd.characters.mocap import prepare
-from crowd.characters.normalise import character_from_rig
 from crowd.characters.raw_rig import RawClip, RawRig
 from crowd.posing import multiply
 from crowd.resampling import align_hemispheres
-from crowd.types import Archetype
-
-
-def load(path: Path, description: RigDescription | None = None) -> Archetype:
-    """The character of a BVH file: one stride in place, a standing pose and a generated body. Raises InputError."""
-    return character_from_rig(read(path), description)
 
 
 def read_rig(path: Path, up: str | None = None, metres_per_unit: float | None = None) -> RawRig:

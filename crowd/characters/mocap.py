@@ -106,7 +106,7 @@ def find_up(raw: RawRig, where: str) -> tuple[str, bool]:
     The head is as level as the ground under the feet, but feet move more than a head; left and right move alike; and
     nobody travels upwards.
     """
-    clip = max(raw.clips, key=lambda c: c.duration)
+    clip = max(_split_calibration(raw)[0], key=lambda c: c.duration)
     position = _steady(clip)
     extent = np.median(np.ptp(position, axis=1), axis=0)
     if extent.max() <= 0:
@@ -157,6 +157,8 @@ def _measure(raw: RawRig, where: str) -> Motion:
     for joint in reversed(range(raw.count)):  # what carries the body is no foot, even if it lies on the ground
         if not low[joint] and raw.parents[joint] >= 0:
             low[raw.parents[joint]] = False
+    if not low.any():
+        raise fail(where, "no leg found: no chain of joints ends near the ground (is 'up' right?)")
     return Motion(height, np.flatnonzero(low).tolist())
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
 import pytest
 
+from crowd import characters
 from crowd.characters import bvh
 from crowd.errors import InputError
 from tests.crowd.bvh_files import MINIMAL, walker
@@ -136,3 +138,23 @@ def test_motion_without_a_cycle(tmp_path: Path, name: str) -> None:
         bvh.read_rig(path)
     assert caught.value.problems[0].where.startswith("bad.bvh")
     assert words in caught.value.problems[0].message, str(caught.value)
+
+
+def test_one_leg_is_not_enough(tmp_path: Path) -> None:
+    joints = [("hips", "0 0 0"), ("spine", "0 0.3 0"), ("head", "0 0.3 0"), ("thigh", "0 0 0.01"), ("shin", "0 -0.4 0")]
+    parents = {"spine": "hips", "head": "spine", "thigh": "hips", "shin": "thigh"}
+
+    def block(name: str, offset: str) -> str:
+        inner = "".join(block(child, at) for child, at in joints if parents.get(child) == name)
+        end = "" if inner else f"End Site {{ OFFSET 0 {'-0.4' if name == 'shin' else '0.2'} 0 }}\n"
+        channels = "CHANNELS 4 Xposition Yposition Zposition Xrotation" if name == "hips" else "CHANNELS 1 Xrotation"
+        return f"{'ROOT' if name == 'hips' else 'JOINT'} {name}\n{{\nOFFSET {offset}\n{channels}\n{inner}{end}}}\n"
+
+    hop = [2 * math.pi * k / 40 for k in range(161)]
+    rows = [
+        f"0 {0.8 + 0.1 * math.sin(a):.5f} {0.02 * k:.5f} 0 0 0 {30 * math.cos(a):.5f} 20" for k, a in enumerate(hop)
+    ]
+    text = f"HIERARCHY\n{block(*joints[0])}MOTION\nFrames: 161\nFrame Time: 0.0166667\n" + "\n".join(rows) + "\n"
+    (tmp_path / "hopper.bvh").write_text(text)
+    with pytest.raises(InputError, match=r"hopper\.bvh: no legs? found"):
+        characters.load("hopper.bvh", tmp_path)
