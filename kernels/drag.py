@@ -1,7 +1,7 @@
 """Drag on the submerged, flow-facing triangles of a character's mesh (Eq. 6 to 8).
 
-Per triangle with area vector N (outward, length = area), wet share f of its area, and velocity u of the fluid relative to
-the centroid of its wet part:  projected wet area times |u| is p = f max(-N.u, 0);  F = p (C_D0 rho + B') u  with
+Per triangle with area vector N (outward, length = area), wet share f of its area, and velocity u of the fluid relative
+to the centroid of its wet part:  projected wet area times |u| is p = f max(-N.u, 0);  F = p (C_D0 rho + B') u  with
 B' = (B / A_ref) / (|u|^2 + u_0^2)  in `area` mode, and Eq. 8 as printed, B per triangle, in `paper` mode.
 
 Two ways to move the mesh: `skinned` (every vertex, exact) and `rigid` (each triangle rides on one bone; its wet area is
@@ -28,6 +28,8 @@ from kernels.wall import Wall, no_wall
 
 Submersion = Literal["clipped", "centroid"]
 OffsetMode = Literal["area", "paper"]
+
+DRY = -1e6  # m: stands for a surface at -inf, of which differences and shares would be NaN
 
 
 class Fluid(NamedTuple):
@@ -77,12 +79,13 @@ def wet_share(a: Array, b: Array, c: Array) -> Array:
     deep = middle > 0
     tip = jnp.where(deep, low, high)  # the corner alone on its side of the surface
     out = jnp.where(deep, jnp.minimum(low, 0.0), jnp.maximum(high, 0.0))
-    cut = out * out / ((high - low) * jnp.abs(middle - tip) + 1e-20)
+    # 1e-18: its inverse square, which the gradient holds, still fits float32
+    cut = out * out / ((high - low) * jnp.abs(middle - tip) + 1e-18)
     return jnp.where(deep, 1.0 - cut, cut)
 
 
 def _factor(facing: Array, wet: Array, speed2: Array, fluid: Fluid, mode: OffsetMode, per_area: Array | float) -> Array:
-    """F / (f u) of a triangle. facing: -N.(f u); wet: f; speed2: |u|^2; per_area: m2 per unit of N times speed units."""
+    """F / (f u) of a triangle. facing: -N.(f u); wet: f; speed2: |u|^2; per_area: SI units per unit of `facing`."""
     fade = 1.0 / (speed2 + FADE_SPEED**2)
     if mode == "area":
         factor = facing * (fluid.density_drag + fluid.offset_force * (1.0 / REFERENCE_AREA) * fade)
@@ -149,6 +152,7 @@ def skinned(
         magnitude = wall(magnitudes, factor, weight, slip)
         return total + wall(sums, factor, magnitude, slip, centre, weight), None
 
+    fluid = fluid._replace(surface=jnp.maximum(fluid.surface, DRY))
     zero = jnp.zeros((8, *vertices.shape[2:]), vertices.dtype)
     if wall is no_wall:
         total, _ = group(zero, jnp.asarray(triangles.T))
@@ -238,6 +242,7 @@ def rigid(
         slope = s[0] * (square * scale)
         return jnp.concatenate([quat.rotate(transforms[:4], force), magnitude[None], moment, slope[None]])
 
+    fluid = fluid._replace(surface=jnp.maximum(fluid.surface, DRY))
     carried_bones = wall(carried, transforms, velocity, scale, fluid.surface)
     bone = wall(lambda carried: carried[:, bones], carried_bones)
     wide = bone[:, :, None]
