@@ -338,3 +338,39 @@ def test_described_bone_of_no_length(tmp_path: Path) -> None:
     legs = [LEG, {"hip": "a-1", "knee": "b-1", "ankle": "c-1"}]
     with pytest.raises(InputError, match="the bone from hip 'a1' to knee 'b1' has length 0"):
         load("bad.glb", tmp_path, {"legs": legs})
+
+
+JUNK: list[Any] = [None, -1, 0, 3, 10**6, 10**12, "x", [], {}, [1], True, 1.5, float("nan"), [0, 0, 0], [[1]], "../x"]
+
+
+def _spoil(tree: Any, rng: np.random.Generator) -> None:
+    """Replaces or removes one value somewhere in a JSON tree."""
+    here = tree
+    while True:
+        keys = list(here) if isinstance(here, dict) else list(range(len(here)))
+        key = keys[rng.integers(len(keys))]
+        if isinstance(here[key], dict | list) and here[key] and rng.random() < 0.85:
+            here = here[key]
+        elif rng.random() < 0.2:
+            here.pop(key)
+            return
+        else:
+            here[key] = JUNK[rng.integers(len(JUNK))]
+            return
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_spoiled_files_load_or_tell(seed: int, tmp_path: Path) -> None:
+    """Whatever is wrong, it is told as an InputError, or it did not matter."""
+    rng = np.random.default_rng(seed)
+    file = fresh()
+    if seed % 4:
+        _spoil(file.tree, rng)
+    else:
+        for start in rng.integers(0, len(file.data) - 4, 20):
+            file.data[start : start + 4] = rng.bytes(4)
+    (tmp_path / "bad.glb").write_bytes(file.glb())
+    try:
+        load("bad.glb", tmp_path)
+    except InputError as error:
+        assert "bad.glb" in str(error)
