@@ -40,7 +40,7 @@ def blob(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 
 def split(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Every triangle in four, by the middles of its sides."""
-    more, faces = trimesh.remesh.subdivide(vertices, triangles)
+    more, faces = trimesh.remesh.subdivide(vertices, triangles)[:2]
     return np.array(more), np.array(faces, np.int32)
 
 
@@ -104,4 +104,4 @@ def reference(
         total += size
         moment += size * centre
         slope += size / speed
-    return force, total, moment, slope
+    return force, float(total), moment, float(slope)

@@ -87,7 +87,7 @@ def test_velocity(dt: float) -> None:
     """Every table row at once: the batch is (row, sample)."""
     rng = np.random.default_rng(0)
     rows = [body(rng, case) for case in BODIES.values()]
-    expected = tuple(np.stack(x) for x in zip(*(exact_velocity(*row, dt) for row in rows), strict=True))
+    expected = tuple(np.stack(x) for x in zip(*(exact_velocity(*row, dt=dt) for row in rows), strict=True))
     at = tuple(np.stack(x) for x in zip(*rows, strict=True))
     assert_close(in_double(over(controllers.velocity, dt), *at), expected, 1e-9)
     assert_close(in_single(over(controllers.velocity, dt), *at), expected, 1e-5)
@@ -98,7 +98,7 @@ def test_orientation(dt: float) -> None:
     """Every table row at once. Without a spring the closed form has a tiny one, and loses digits in float32."""
     rng = np.random.default_rng(1)
     rows = [lean(rng, case) for case in LEANS.values()]
-    expected = [np.stack(x) for x in zip(*(exact_orientation(*row, dt) for row in rows), strict=True)]
+    expected = [np.stack(x) for x in zip(*(exact_orientation(*row, dt=dt) for row in rows), strict=True)]
     at = tuple(np.stack(x) for x in zip(*rows, strict=True))
     sprung = np.array([case[2] > 0 for case in LEANS.values()])
     double = in_double(over(controllers.orientation, dt), *at)
@@ -115,7 +115,7 @@ def test_any_batch_shape(batch: tuple[int, ...]) -> None:
     v, desired, force = (x.reshape(batch) for x in rng.normal(size=(3, *batch)))
     constants = [np.full(batch, x) for x in (50.0, 70.0, 900.0, 70.0)]
     flat = [np.ravel(x) for x in (v, desired, force, *constants)]
-    expected = tuple(x.reshape(batch) for x in exact_velocity(*flat, 1 / 60))
+    expected = tuple(x.reshape(batch) for x in exact_velocity(*flat, dt=1 / 60))
     assert_close(in_double(over(controllers.velocity, 1 / 60), v, desired, force, *constants), expected, 1e-9)
 
 

@@ -63,7 +63,7 @@ def reference(parents: tuple[int, ...], rotation, translation, root_rotation, ro
 
 
 def kinematics(parents: tuple[int, ...], wall: Wall = no_wall):
-    return lambda *pose: skeleton.forward_kinematics(parents, *pose, wall)
+    return lambda *pose: skeleton.forward_kinematics(parents, *pose, wall=wall)
 
 
 def test_levels_hold_every_joint_once_below_its_parent() -> None:

@@ -105,7 +105,7 @@ def test_grid_at_posts_and_borders() -> None:
 def test_grid_of_a_plane_is_the_plane() -> None:
     rows, columns = np.indices(GRID.shape)
     u, v = np.random.default_rng(3).uniform(0, 3, (2, 50))
-    at = (0.5 + 0.2 * columns - 0.3 * rows).ravel(), u, v
+    at = np.ravel(0.5 + 0.2 * columns - 0.3 * rows), u, v
     expected = 0.5 + 0.2 * u - 0.3 * v, np.full(50, 0.2), np.full(50, -0.3)
     assert_close(in_double(bilinear, *at), expected, 1e-12)
 
