@@ -28,6 +28,8 @@ from tests.kernels.drag_cases import (
 )
 
 MODES = [(s, m) for s in ("clipped", "centroid") for m in ("area", "paper")]
+# every mode for one batch shape, every batch shape for one mode
+CASES = [(*mode, BATCHES[-1]) for mode in MODES] + [(*MODES[0], batch) for batch in BATCHES[:-1]]
 # --- wet parts -------------------------------------------------------------------------------------------------------
 
 DEPTHS = {
@@ -63,11 +65,8 @@ def test_wet_part(case: str) -> None:
 # --- against the reference -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("batch", BATCHES)
-@pytest.mark.parametrize(("submersion", "mode"), MODES)
+@pytest.mark.parametrize(("submersion", "mode", "batch"), CASES)
 def test_skinned(submersion: str, mode: str, batch: tuple[int, ...]) -> None:
-    if batch != BATCHES[-1] and (submersion, mode) != MODES[0]:
-        pytest.skip("other batch shapes are shown with the default modes")
     triangles, *at, water = moving_blob(batch)
     expected = batched_reference(triangles, *at, fluid=water, submersion=submersion, mode=mode)
     assert np.abs(expected[0]).max() > 10
@@ -105,12 +104,9 @@ def test_skinned_gradients(mode: str, walled: bool | None) -> None:
 # --- rigid -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("batch", BATCHES)
-@pytest.mark.parametrize(("submersion", "mode"), MODES)
+@pytest.mark.parametrize(("submersion", "mode", "batch"), CASES)
 def test_rigid(submersion: str, mode: str, batch: tuple[int, ...]) -> None:
     """Bones that turn and move, each body of its own size: wet area exact, the rest of whole triangles."""
-    if batch != BATCHES[-1] and (submersion, mode) != MODES[0]:
-        pytest.skip("other batch shapes are shown with the default modes")
     bones, mesh, at, body = rigid_blob(batch)
     water = fluid(np.random.default_rng(1).uniform(-0.3, 0.4, batch), OFFSET, batch=batch)
     expected = batched_reference(*body, fluid=water, submersion=submersion, mode=mode, whole=True)
