@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -61,65 +62,81 @@ def measure(job: Job) -> dict[str, Any]:
     line |= {"pinned_cores": pinned}
     if not job.runs:
         return line
+    executable = program[0][0]
     arguments, samples = _timed(program, job, frames)
     line |= samples | {"peak_rss_bytes": peak_memory()}
     if job.profile:
         from benchmarks.stages import shares
 
-        line["stage_share"] = shares(program[0], *arguments, frames=max(1, min(RATE, 8192 // job.case.count)))
+        line["stage_share"] = shares(executable, *arguments, frames=max(1, min(RATE, 8192 // job.case.count)))
     return line
 
 
 def _compiled(job: Job, frames: int) -> tuple[Any, dict[str, Any]]:
-    """((executable, assets, params, states), seconds and bytes of the compiled program)."""
-    import jax.numpy as jnp
-
+    """([(executable, assets, params, states) of each device], seconds and bytes of the compiled program)."""
     from crowd.build import build
     from crowd.scene import load
-    from crowd.simulate import compiled, shard
+    from crowd.simulate import compiled, dealt
 
     started = time.perf_counter()
     scene = load(scenario(job.case))
-    layout, assets, params, states = shard(build(scene, job.case.devices), job.case.devices)
+    program = build(scene, job.case.devices)
+    shares = dealt(program, job.case.devices)
     built = time.perf_counter()
-    run = compiled(layout, -(-frames // RATE), job.case.devices)
-    lowered = run.lower(  # pyright: ignore[reportFunctionMemberAccess]
-        assets, params, states, jnp.asarray(frames, jnp.int32), jnp.asarray(True)
-    )
+    run = compiled(program[0], -(-frames // RATE))
+    lowered = [
+        run.lower(*share, *_scalars(share, frames))  # pyright: ignore[reportFunctionMemberAccess]
+        for share in shares
+    ]
     traced, processor = time.perf_counter(), time.process_time()
-    executable = lowered.compile()
+    with ThreadPoolExecutor(len(shares)) as pool:
+        executables = list(pool.map(lambda one: one.compile(), lowered))
     line = {
         "build_s": round(built - started, 3),
         "trace_s": round(traced - built, 3),
         "compile_s": round(time.perf_counter() - traced, 3),
         "compile_cpu_s": round(time.process_time() - processor, 3),
     }
-    memory = executable.memory_analysis()
+    memory = executables[0].memory_analysis()
     if memory is not None:
-        per = job.case.devices / job.case.count  # the analysis is of one device's program
+        per = job.case.devices / job.case.count  # the program of one device
         line["temp_bytes_per_character"] = round(memory.temp_size_in_bytes * per, 1)
         line["argument_bytes_per_character"] = round(memory.argument_size_in_bytes * per, 1)
-    return (executable, assets, params, states), line
+    return [(one, *share) for one, share in zip(executables, shares, strict=True)], line
+
+
+def _scalars(share: Any, frames: int) -> Any:
+    """The last two arguments of `rollout`, on the device of a share: frames to go, and the walls' flag."""
+    import jax
+    import numpy as np
+
+    return jax.device_put((np.int32(frames), np.True_), share[2][0].frame.device)
 
 
 def _timed(program: Any, job: Job, frames: int) -> tuple[tuple[Any, ...], dict[str, Any]]:
-    """Runs the program once untimed, then `job.runs` times. Returns (what it can be called with next, samples)."""
+    """Runs the program once untimed, then `job.runs` times. Returns (what it can be called with next, samples).
+
+    Every device runs its share in a thread of its own, as `crowd.simulate.stream` does.
+    """
     import jax
-    import jax.numpy as jnp
     import numpy as np
 
-    executable, assets, params, states = program
-    flag, count = jnp.asarray(True), jnp.asarray(frames, jnp.int32)
+    def advance(one: Any) -> Any:
+        executable, assets, params, states = one
+        states, _ = jax.block_until_ready(executable(assets, params, states, *_scalars(one[1:], frames)))
+        return executable, assets, params, states
+
     wall, processor = [], []
-    for run in range(job.runs + 1):
-        at, used = time.perf_counter(), time.process_time()
-        states, _ = jax.block_until_ready(executable(assets, params, states, count, flag))
-        if run:  # the first one fetches pages and walks the crowd in
-            wall.append(time.perf_counter() - at)
-            processor.append(time.process_time() - used)
+    with ThreadPoolExecutor(len(program)) as pool:
+        for run in range(job.runs + 1):
+            at, used = time.perf_counter(), time.process_time()
+            program = list(pool.map(advance, program))
+            if run:  # the first one fetches pages and walks the crowd in
+                wall.append(time.perf_counter() - at)
+                processor.append(time.process_time() - used)
     per = 1e6 / (frames * job.case.count)
-    faults = sum(int(np.count_nonzero(np.asarray(state.fault))) for state in states)
-    return (assets, params, states, flag), {
+    faults = sum(int(np.count_nonzero(np.asarray(state.fault))) for one in program for state in one[3])
+    return (*program[0][1:], _scalars(program[0][1:], frames)[1]), {
         "frames": frames,
         "runs": job.runs,
         "us": round(float(np.median(wall)) * per, 4),

@@ -48,6 +48,7 @@ def initial_state(scene: Scene, herd: HerdScene, layout: Layout) -> dict[str, np
         progress=progress.reshape(legs, count),
         handle=handle,
         target=target,
+        foot_yaw=np.tile(herd.headings, (legs, 1)),
         force=np.zeros((3, count)),
         torque=np.zeros((2, count)),
         drag_slope=np.zeros((3, count)),

@@ -1,4 +1,4 @@
-"""Forward kinematics and skinning on the host (NumPy): for pictures, metrics, clip analysis and tests of the kernels."""
+"""Forward kinematics and skinning on the host (NumPy): for pictures, metrics, clip analysis and tests."""
 
 from __future__ import annotations
 

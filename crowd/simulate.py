@@ -1,10 +1,15 @@
-"""Running a scene: the only jit, a scan over frames around a map over tiles, on one or several devices."""
+"""Running a scene: the only jit, a scan over frames around a map over tiles, on one or several devices.
+
+Characters do not meet yet, so devices never wait for each other within a chunk.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
@@ -13,16 +18,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.sharding import Mesh, NamedSharding
-from jax.sharding import PartitionSpec as P
 
 from crowd.assets import Assets
 from crowd.build import Program, build
+from crowd.errors import fail
 from crowd.layout import Layout
 from crowd.params import Params
-from crowd.scene import HerdScene, Scene
-from crowd.state import Frame, State
+from crowd.scene import Scene
+from crowd.state import Frame, State, blank_frame
 from crowd.step import step
+from crowd.unpack import shown_state, unpacked
 from kernels.wall import no_wall, through
 
 CHUNK = 32  # recorded frames that leave the device at once
@@ -86,49 +91,43 @@ def rollout(
         states, shown, left = carry
         count = jnp.clip(left, 0, layout.record_every)
         states, shown = jax.lax.fori_loop(0, count, advance, (states, shown))
-        slim = tuple(_slim(state) for state in states)
+        slim = tuple(shown_state(state) for state in states)
         return (states, shown, left - count), tuple(zip(slim, shown, strict=True))
 
-    blank = jax.tree.map(
-        lambda leaf: jnp.zeros(leaf.shape, leaf.dtype),
-        jax.eval_shape(lambda states: one_frame(layout, assets, params, states, flag)[1], states),
-    )
+    blank = tuple(blank_frame(layout, herd, state) for herd, state in zip(layout.herds, states, strict=True))
     (states, _, _), shown = jax.lax.scan(recorded, (states, blank, frames), None, length=chunk)
     return states, shown
 
 
-def _slim(state: State) -> dict[str, Array]:
-    names = ("position", "velocity", "yaw", "pitch", "desired", "phase", "fault")
-    return {name: getattr(state, name) for name in names}
-
-
 @functools.lru_cache(maxsize=32)
-def compiled(layout: Layout, chunk: int, devices: int) -> Callable[..., Any]:
-    """The jitted program for a layout: `rollout` on one device, or with tiles sharded over several."""
-    run = functools.partial(rollout, layout, chunk)
-    if devices > 1:
-        mesh = Mesh(np.array(jax.devices()[:devices]), ("tiles",))
-        tiles, recorded = P("tiles"), P(None, "tiles")
-        herds = P()
-        params = Params(fluids=herds, control=herds, events=herds, characters=tiles)  # pyright: ignore
-        run = jax.shard_map(
-            run,
-            mesh=mesh,
-            in_specs=(herds, params, tiles, herds, herds),
-            out_specs=(tiles, recorded),
-            check_vma=False,
-        )
-    return jax.jit(run, donate_argnums=(2,))
+def compiled(layout: Layout, chunk: int) -> Callable[..., Any]:
+    """The jitted program for a layout: `rollout`, on whichever device its arguments lie."""
+    return jax.jit(functools.partial(rollout, layout, chunk), donate_argnums=(2,))
 
 
-def shard(program: Program, devices: int) -> Program:
-    """The program's arrays placed on their devices."""
-    layout, assets, params, states = program
-    if devices == 1:
-        return program
-    mesh = Mesh(np.array(jax.devices()[:devices]), ("tiles",))
-    states = jax.device_put(states, NamedSharding(mesh, P("tiles")))
-    return layout, assets, params, states
+def dealt(program: Program, devices: int) -> list[tuple[Assets, Params, tuple[State, ...]]]:
+    """Arrays for each device: its share of every herd's tiles, and copies of what all characters share.
+
+    Every device runs the same program by itself. Sharding one program over them compiles differently, and a character's
+    bits would then depend on the number of devices.
+    """
+    _, assets, params, states = program
+    if any(state.phase.shape[0] % devices for state in states):
+        raise fail("devices", f"the program's tiles do not divide by {devices}; build it for as many devices")
+
+    def share(tree: Any, device: int) -> Any:
+        def cut(leaf: Array) -> Array:
+            size = leaf.shape[0] // devices
+            # a copy: the program overwrites its states, the caller's stay
+            return jnp.array(leaf[device * size : (device + 1) * size], copy=True)
+
+        return jax.tree.map(cut, tree)
+
+    shares = []
+    for number, device in enumerate(jax.devices()[:devices]):
+        mine = dataclasses.replace(params, characters=share(params.characters, number))
+        shares.append(jax.device_put((assets, mine, share(states, number)), device))
+    return shares
 
 
 def stream(
@@ -144,22 +143,23 @@ def stream(
     devices: as many as the machine shows JAX when left out. program: reuse or change what `build` gives.
     on_state: called with the states after each chunk, on the device (resuming, checks).
     """
-    count = len(jax.devices()) if devices is None else devices
+    count = _devices(devices)
     total = scene.scenario.frame_count if frames is None else frames
-    layout, assets, params, states = shard(program or build(scene, count), count)
+    program = program or build(scene, count)
+    layout, shares = program[0], dealt(program, count)
     every = layout.record_every
     chunk = max(1, min(chunk, -(-total // every)))
-    run = compiled(layout, chunk, count)
-    flag = jnp.asarray(True)
+    run = compiled(layout, chunk)
     done = 0
-    # donated buffers must not be the caller's own
-    states = jax.tree.map(jnp.copy, states) if program is not None else states
     while done < total:
         left = total - done
-        states, shown = run(assets, params, states, jnp.asarray(left, jnp.int32), flag)
+        with ThreadPoolExecutor(count) as pool:  # compiling, the first time, goes on at once too
+            results = list(pool.map(functools.partial(_advanced, run, left), shares))
+        shares = [(*share[:2], states) for share, (states, _) in zip(shares, results, strict=True)]
         stepped = min(left, chunk * every)
         if on_state is not None:
-            on_state(states)
+            on_state(_joined([states for states, _ in results], 0))
+        shown = _joined([shown for _, shown in results], 1)
         recorded = stepped // every
         time = (done + (1 + np.arange(recorded)) * every) * layout.dt
         herds = {
@@ -167,6 +167,25 @@ def stream(
         }
         yield Chunk(done, stepped, time, herds)
         done += stepped
+
+
+def _advanced(run: Callable[..., Any], left: int, share: tuple[Assets, Params, tuple[State, ...]]) -> Any:
+    """One chunk on the device that holds the share."""
+    device = share[2][0].frame.device
+    return jax.block_until_ready(run(*share, *jax.device_put((np.int32(left), np.True_), device)))
+
+
+def _joined(parts: list[Any], axis: int) -> Any:
+    """The devices' arrays on the host, tiles one after the other."""
+    return jax.tree.map(lambda *leaves: np.concatenate([np.asarray(leaf) for leaf in leaves], axis), *parts)
+
+
+def _devices(wanted: int | None) -> int:
+    """How many devices to use; refuses more than there are."""
+    there = len(jax.devices())
+    if wanted is not None and not 1 <= wanted <= there:
+        raise fail("devices", f"{wanted} asked for, this process has {there} (jax_num_cpu_devices sets host devices)")
+    return there if wanted is None else wanted
 
 
 def simulate(
@@ -196,50 +215,6 @@ def simulate(
         for name, arrays in chunks[0].herds.items()
     }
     return Result(scene, np.concatenate([chunk.time for chunk in chunks]), herds, state)
-
-
-def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Any, recorded: int) -> dict[str, np.ndarray]:
-    """Users' arrays [time, character, ..., component] of one herd, padding removed."""
-    slim, frame = jax.tree.map(lambda leaf: _untiled(np.asarray(leaf)[:recorded], herd.count), shown)
-    velocity = slim["velocity"]
-    flat = np.stack([velocity[..., 0], np.zeros_like(velocity[..., 0]), velocity[..., 1]], -1)
-    desired = slim["desired"]
-    out = dict(
-        position=slim["position"],
-        velocity=flat,
-        yaw=slim["yaw"],
-        pitch=slim["pitch"],
-        desired_velocity=np.stack([desired[..., 0], np.zeros_like(desired[..., 0]), desired[..., 1]], -1),
-        phase=slim["phase"],
-        drag_force=frame.drag_force,
-        drag_torque=frame.drag_torque,
-        center_of_pressure=frame.center_of_pressure,
-        drag_power=-np.sum(frame.drag_force * flat, -1),
-        depth=frame.depth,
-        fault=slim["fault"],
-        contact=frame.planted,
-        handle=frame.handle,
-        ball=frame.ball,
-        ankle=frame.ankle,
-        over_reach=frame.over_reach,
-        pose_position=frame.pose_position,
-        pose_orientation=frame.pose_orientation,
-    )
-    if layout.record_pose:
-        out["joint_rotation"] = frame.joint_rotation
-        rest = herd.archetype.skeleton.rest_translation.astype(np.float32)
-        translation = np.broadcast_to(rest, (*frame.joint_translation.shape[:2], *rest.shape)).copy()
-        translation[:, :, list(layout.herds[which].moving)] = frame.joint_translation
-        out["joint_translation"] = translation
-    return out
-
-
-def _untiled(values: np.ndarray, count: int) -> np.ndarray:
-    """[t, tiles, *components first*, 128] to [t, n, *components last*]."""
-    moved = np.moveaxis(values, -1, 2)
-    flat = moved.reshape(values.shape[0], moved.shape[1] * moved.shape[2], *moved.shape[3:])[:, :count]
-    # components first (3, joints) to last (joints, 3)
-    return flat if flat.ndim < 4 else np.moveaxis(flat, 2, -1)
 
 
 class _CallableModule(ModuleType):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import jax.numpy as jnp
 from jax import Array
 
+from crowd.layout import HerdLayout, Layout
 from crowd.tree import pytree
 
 FAULT_BODY, FAULT_DRAG, FAULT_POSE = 1, 2, 4  # sticky bits: which quantity stopped being finite
@@ -34,6 +36,7 @@ class State:
     progress: Array  # [L, n] of each leg's swing, 1 when planted
     handle: Array  # [2, L, n] m, world (x, z) of each foot handle
     target: Array  # [2, L, n] m, where it steps to
+    foot_yaw: Array  # [L, n] rad, of each foot: fixed while planted, towards the body's in the swing
     force: Array  # [3, n] N, drag of the frame before
     torque: Array  # [2, n] N m, its yaw and pitch components
     drag_slope: Array  # [3, n] N s/m, N m s, N m s: how drag falls as velocity, yaw and pitch rate yield to it
@@ -58,3 +61,28 @@ class Frame:
     pose_orientation: Array  # [4, n]
     joint_rotation: Array  # [4, J, n] joint to parent; empty unless poses are recorded
     joint_translation: Array  # [3, moving, n] m, joint to parent, unscaled
+
+
+def blank_frame(layout: Layout, herd: HerdLayout, state: State) -> Frame:
+    """A frame of zeros for the characters of a state [tiles, ..., n]: where a recording starts from."""
+    tiles, width = state.phase.shape
+
+    def zeros(*shape: int, kind: type = jnp.float32) -> Array:
+        return jnp.zeros((tiles, *shape, width), kind)
+
+    posed = layout.record_pose
+    return Frame(
+        drag_force=zeros(3),
+        drag_torque=zeros(3),
+        center_of_pressure=zeros(3),
+        depth=zeros(),
+        ball=zeros(3, herd.legs),
+        ankle=zeros(3, herd.legs),
+        handle=zeros(3, herd.legs),
+        planted=zeros(herd.legs, kind=jnp.bool_),
+        over_reach=zeros(herd.legs),
+        pose_position=zeros(3),
+        pose_orientation=zeros(4),
+        joint_rotation=zeros(4, herd.joints if posed else 0),
+        joint_translation=zeros(3, len(herd.moving) if posed else 0),
+    )

@@ -52,10 +52,10 @@ def orientation(
     damping: Float[Array, "*b"],
     dt: float,
 ) -> tuple[Float[Array, "*b"], Float[Array, "*b"]]:
-    """Angle and rate after dt of I a'' = tau - c (a' - a'_0) + k (a_d - a) - b a' (Eq. 2), a damped oscillator.
+    """Angle and rate after dt of I a'' = tau - c (a' - a'_0) + k (a_d - a) - b a' (Eq. 2).
 
-    `desired` is the nearest equivalent of the wanted angle (wrap the difference first). c >= 0: slope of the torque with
-    the rate. Closed form for under-, critically and over-damped gains; finite for k = b = 0.
+    `desired` is the nearest equivalent of the wanted angle (wrap the difference first). c >= 0: slope of the torque
+    with the rate. Closed form for under-, critically and over-damped gains; finite for k = b = 0.
     """
     gain_safe = jnp.maximum(gain, 1e-3)
     rest = desired + (torque + drag * rate) / gain_safe

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import jax
 import pytest
 from jaxtyping import install_import_hook
 
 import tests.typechecker  # noqa: F401  (the hook below finds it by name)
+
+jax.config.update("jax_num_cpu_devices", 2)  # before the first array
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 # JAX fills its trees with whatever it carries through a transformation (shapes, shardings), not with arrays only.

@@ -127,11 +127,12 @@ def _bent(
 
 
 def _levelled(state: State, slope: Array) -> Array:
-    """[4, L, n]: takes a foot from the pitched body's frame to the ground under it."""
+    """[4, L, n]: takes a foot from the turned and pitched body's frame to its own yaw on the ground under it."""
     half = -0.5 * state.pitch
     sin, cos = jnp.sin(state.yaw), jnp.cos(state.yaw)
     s = jnp.sin(half)
     unpitch = jnp.stack([jnp.cos(half), cos * s, 0 * s, -sin * s])[:, None]
+    unpitch = quat.multiply(quat.about_y(state.foot_yaw - state.yaw), unpitch)
     up = unit(jnp.stack([-slope[0], jnp.ones_like(slope[0]), -slope[1]]))
     flat = jnp.zeros_like(up).at[1].set(1.0)
     return quat.multiply(quat.between(flat, up), unpitch)

@@ -121,7 +121,9 @@ def _steps(
     fresh = lifts | close | ((before < stepping.REAIM_UNTIL) & (before < 1.0))
     target = jnp.where(fresh, aim, state.target)
     handle = stepping.move_handle(state.handle, target, before, after)
-    return dataclasses.replace(state, phase=phase, progress=after, target=target, handle=handle)
+    yaw = jnp.broadcast_to(state.yaw, before.shape)
+    foot_yaw = stepping.move_handle(state.foot_yaw[None], yaw[None], before, after)[0]
+    return dataclasses.replace(state, phase=phase, progress=after, target=target, handle=handle, foot_yaw=foot_yaw)
 
 
 def _standing_rest(herd: HerdLayout, assets: HerdAssets, character: Character, state: State, blend: Mix) -> Array:

@@ -65,7 +65,7 @@ def fluid_drag(
     fluid = place.fluid._replace(surface=jnp.maximum(place.fluid.surface - state.position[1], -1e3))
     rate = 1.0 / layout.dt
     if layout.mesh == "rigid":
-        velocity = wall(_bone_velocity, moved, previous, way, fluid.flow, rate)
+        velocity = wall(lambda *now: _bone_velocity(*now, rate), moved, previous, way, fluid.flow)
         total = drag.rigid(
             herd.block_bones.values,
             assets.rigid_mesh,

@@ -30,6 +30,7 @@ ROOMS: list[tuple[str, ...]] = [
     ),
     ("crowd.components",),
     ("crowd.step",),
+    ("crowd.unpack",),
     ("crowd.simulate", "crowd.compile_cache"),
     ("crowd.record*", "crowd.stances", "crowd.metrics"),
     ("crowd.view",),

@@ -1,0 +1,63 @@
+"""From tiles on a device to the arrays users see: [time, character, ..., component], padding removed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import numpy as np
+from jax import Array
+
+from crowd.layout import Layout
+from crowd.scene import HerdScene
+from crowd.state import State
+
+
+def shown_state(state: State) -> dict[str, Array]:
+    """The part of a state that is recorded."""
+    names = ("position", "velocity", "yaw", "pitch", "desired", "phase", "fault")
+    return {name: getattr(state, name) for name in names}
+
+
+def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Any, recorded: int) -> dict[str, np.ndarray]:
+    """Users' arrays [time, character, ..., component] of one herd, padding removed."""
+    slim, frame = jax.tree.map(lambda leaf: _untiled(np.asarray(leaf)[:recorded], herd.count), shown)
+    velocity = slim["velocity"]
+    flat = np.stack([velocity[..., 0], np.zeros_like(velocity[..., 0]), velocity[..., 1]], -1)
+    desired = slim["desired"]
+    out = dict(
+        position=slim["position"],
+        velocity=flat,
+        yaw=slim["yaw"],
+        pitch=slim["pitch"],
+        desired_velocity=np.stack([desired[..., 0], np.zeros_like(desired[..., 0]), desired[..., 1]], -1),
+        phase=slim["phase"],
+        drag_force=frame.drag_force,
+        drag_torque=frame.drag_torque,
+        center_of_pressure=frame.center_of_pressure,
+        drag_power=-np.sum(frame.drag_force * flat, -1),
+        depth=frame.depth,
+        fault=slim["fault"],
+        contact=frame.planted,
+        handle=frame.handle,
+        ball=frame.ball,
+        ankle=frame.ankle,
+        over_reach=frame.over_reach,
+        pose_position=frame.pose_position,
+        pose_orientation=frame.pose_orientation,
+    )
+    if layout.record_pose:
+        out["joint_rotation"] = frame.joint_rotation
+        rest = herd.archetype.skeleton.rest_translation.astype(np.float32)
+        translation = np.broadcast_to(rest, (*frame.joint_translation.shape[:2], *rest.shape)).copy()
+        translation[:, :, list(layout.herds[which].moving)] = frame.joint_translation
+        out["joint_translation"] = translation
+    return out
+
+
+def _untiled(values: np.ndarray, count: int) -> np.ndarray:
+    """[t, tiles, *components first*, 128] to [t, n, *components last*]."""
+    moved = np.moveaxis(values, -1, 2)
+    flat = moved.reshape(values.shape[0], moved.shape[1] * moved.shape[2], *moved.shape[3:])[:, :count]
+    # components first (3, joints) to last (joints, 3)
+    return flat if flat.ndim < 4 else np.moveaxis(flat, 2, -1)
