@@ -39,30 +39,24 @@ def step(
     with jax.named_scope("forces"):
         wrench = wall(lambda c, s, p: forces.total(layout, params, c, s, p), character, state, place)
     with jax.named_scope("body"):
-        state = wall(lambda c, s, w, p: body.body(layout, params, c, s, w, p), character, state, wrench, place)
+        state = body.body(layout, params, character, state, wrench, place, wall)
     with jax.named_scope("gait"):
-        state = wall(lambda c, s: gait.gait(layout, herd, assets, params, c, s), character, state)
-        blend = wall(lambda c, s: gait.mix(herd, assets, c, s), character, state)
+        state, blend = gait.gait(layout, herd, assets, params, character, state, wall)
     with jax.named_scope("pose"):
         hung = pose.pose(herd, assets, character, state, blend, wall)
     with jax.named_scope("feet"):
-        legs = wall(
-            lambda c, s, b, t: feet.feet(layout, herd, assets, world, c, s, b, t),
-            character, state, blend, hung.transforms,
-        )  # fmt: skip
+        legs = feet.feet(layout, herd, assets, world, character, state, blend, hung.transforms, wall)
     surface = place.fluid.surface - state.position[1]
     with jax.named_scope("arms"):
         hands = None
         if layout.regions and layout.arms_up[which] and herd.arms:
-            hands = wall(
-                lambda c, s, t, d, y: arms.arms(herd, assets, params, c, s, t, d, y),
-                character, state, hung.transforms, legs.drop, surface,
-            )  # fmt: skip
+            hands = arms.arms(herd, assets, params, character, state, hung.transforms, legs.drop, surface, wall)
         transforms = limbs.bend(herd, hung.transforms, limbs.joined(legs.segments, hands), legs.drop, wall)
-    with jax.named_scope("skin"):
-        load = skin.dry(state)
-        if layout.regions:
+    load = skin.dry(state)
+    if layout.regions:
+        with jax.named_scope("skin"):
             moved = skin.mesh(layout, herd, assets, character, transforms, wall)
+        with jax.named_scope("drag"):
             state, load = skin.fluid_drag(
                 layout,
                 herd,

@@ -79,6 +79,11 @@ def orientation(
     return rest + new_offset, new_rate
 
 
+def low_pass(dt: float, time: Float[Array, "*b"]) -> Float[Array, "*b"]:
+    """Share of the way to its input that a first-order low-pass of this time constant goes in dt; 1 at time 0."""
+    return -jnp.expm1(-dt / jnp.maximum(time, 1e-9))
+
+
 def wrap(angle: Float[Array, "*b"]) -> Float[Array, "*b"]:
     """The same angle in [-pi, pi)."""
     turn = 2.0 * jnp.pi

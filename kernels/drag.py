@@ -206,7 +206,7 @@ def rigid(
         return jnp.concatenate([quat.rotate(back, velocity[:3]) / scale, velocity[3:], up, depth[None]])
 
     def shares(bone: Array) -> Array:
-        ux, uy, uz, depth = bone[6:]
+        ux, uy, uz, depth = bone[6:, :, None]
         a, b, c = (depth - ux * x - uy * y - uz * z for x, y, z in mesh.corners)
         if submersion == "centroid":
             return jnp.where(a + b + c > 0, 1.0, 0.0)
@@ -214,7 +214,7 @@ def rigid(
 
     def slip(bone: Array) -> tuple[Array, Array, Array]:
         """Velocity of each centroid through the fluid: -u."""
-        vx, vy, vz, wx, wy, wz = bone[:6]
+        vx, vy, vz, wx, wy, wz = bone[:6, :, None]
         x, y, z = ((mesh.corners[0, k] + mesh.corners[1, k] + mesh.corners[2, k]) * (1.0 / 3.0) for k in range(3))
         return vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
 
@@ -245,10 +245,9 @@ def rigid(
     fluid = fluid._replace(surface=jnp.maximum(fluid.surface, DRY))
     carried_bones = wall(carried, transforms, velocity, scale, fluid.surface)
     bone = wall(lambda carried: carried[:, bones], carried_bones)
-    wide = bone[:, :, None]
-    wet = wall(shares, wide)
-    factor = wall(factors, wide, wet, fluid, scale)
-    magnitude = wall(magnitudes, factor, wide)
+    wet = wall(shares, bone)
+    factor = wall(factors, bone, wet, fluid, scale)
+    magnitude = wall(magnitudes, factor, bone)
     s, m = wall(moments, factor), wall(moments, magnitude)
     blocks = wall(assembled, s, m, bone, transforms[:, bones], scale)
     total = wall(lambda blocks: blocks.sum(1), blocks)

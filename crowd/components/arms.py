@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -13,9 +15,21 @@ from crowd.params import Character, Params
 from crowd.state import State
 from kernels import ik, quat
 from kernels.vec import TINY, dot, smoothstep, unit
+from kernels.wall import Wall
 
 FADE = 0.3  # of the arm's length: depth of the hand over which the response fades in
 ASIDE = 0.45  # of the arm's length: how far hands move outward, so that forearms lie level
+
+
+class _Goal(NamedTuple):
+    """An arm as the clip has it on the lowered body, and where its hand should go."""
+
+    shoulder: Array  # [3, A, n] m
+    upper: Array  # [3, A, n] m, shoulder to elbow
+    lower: Array  # [3, A, n] m, elbow to hand
+    hand: Array  # [3, A, n] m, goal of the hand
+    pole: Array  # [3, A, n] m, which way the elbow goes
+    response: Array  # [A, n] 0 dry to 1 raised
 
 
 def arms(
@@ -27,6 +41,7 @@ def arms(
     transforms: Array,
     drop: Array,
     surface: Array,
+    wall: Wall,
 ) -> Segments:
     """Upper arms, forearms and hands.
 
@@ -34,6 +49,22 @@ def arms(
     raised to the surface and a margin and moved aside; the elbow points outward and up. It fades in with the depth of
     the hand or elbow, whichever is deeper; out of reach the arm points to the goal.
     """
+    goal = wall(lambda *now: _goal(herd, assets, params, *now), character, state, transforms, drop, surface)
+    bent = wall(_bent, goal)
+    turns = wall(_turns, goal, *bent)
+    return wall(_segments, goal, turns, drop)
+
+
+def _goal(
+    herd: HerdLayout,
+    assets: HerdAssets,
+    params: Params,
+    character: Character,
+    state: State,
+    transforms: Array,
+    drop: Array,
+    surface: Array,
+) -> _Goal:
     down = jnp.stack([jnp.zeros_like(drop), drop, jnp.zeros_like(drop)])[:, None]
     position = transforms[4:]
     shoulder, elbow, hand = (position[:, np.array(j)] - down for j in (herd.shoulders, herd.elbows, herd.hands))
@@ -46,25 +77,41 @@ def arms(
     outward = quat.rotate(quat.about_y(state.yaw)[:, None], assets.arm_outward)
     goal = hand + outward * (ASIDE * size * response)
     goal = goal.at[1].add(rise * response)
-    upper_clip, lower_clip = elbow - shoulder, hand - elbow
-    upper = jnp.sqrt(dot(upper_clip, upper_clip) + TINY)
-    lower = jnp.sqrt(dot(lower_clip, lower_clip) + TINY)
-    reach = hand - shoulder
-    bent = upper_clip - dot(upper_clip, reach) / (dot(reach, reach) + TINY) * reach
+    upper, reach = elbow - shoulder, hand - shoulder
+    bent = upper - dot(upper, reach) / (dot(reach, reach) + TINY) * reach
     raised = outward.at[1].add(1.0) * size
     pole = bent + (raised - bent) * response + 0.02 * size * outward
-    new_elbow, new_hand, _ = ik.two_bone(shoulder, goal, pole, upper, lower)
-    # blending the turns (not the targets) leaves the clip's arms exactly as they are while the hands are dry
-    identity = jnp.zeros((4, *upper.shape), upper.dtype).at[0].set(1.0)
-    upper_turn = quat.between(upper_clip / upper, (new_elbow - shoulder) / upper)
-    lower_turn = quat.between(lower_clip / lower, unit(new_hand - new_elbow))
-    fade = jnp.clip(response * 4.0, 0.0, 1.0)
-    upper_turn = quat.normalize(identity + (upper_turn - identity) * fade)
-    lower_turn = quat.normalize(identity + (lower_turn - identity) * fade)
-    at_elbow = shoulder + quat.rotate(upper_turn, upper_clip)
-    at_hand = at_elbow + quat.rotate(lower_turn, lower_clip)
+    return _Goal(shoulder, upper, hand - elbow, goal, pole, response)
+
+
+def _bent(goal: _Goal) -> tuple[Array, Array]:
+    """Elbow and hand [3, A, n] of an arm that reaches its goal."""
+    upper = jnp.sqrt(dot(goal.upper, goal.upper) + TINY)
+    lower = jnp.sqrt(dot(goal.lower, goal.lower) + TINY)
+    elbow, hand, _ = ik.two_bone(goal.shoulder, goal.hand, goal.pole, upper, lower)
+    return elbow, hand
+
+
+def _turns(goal: _Goal, elbow: Array, hand: Array) -> tuple[Array, Array]:
+    """Turns [4, A, n] of upper arm and forearm: none while the hand is dry, the clip's arms then stay as they are."""
+    fade = jnp.clip(goal.response * 4.0, 0.0, 1.0)
+    identity = jnp.zeros((4, *fade.shape), fade.dtype).at[0].set(1.0)
+    upper = quat.between(unit(goal.upper), unit(elbow - goal.shoulder))
+    lower = quat.between(unit(goal.lower), unit(hand - elbow))
+    return (
+        quat.normalize(identity + (upper - identity) * fade),
+        quat.normalize(identity + (lower - identity) * fade),
+    )
+
+
+def _segments(goal: _Goal, turns: tuple[Array, Array], drop: Array) -> Segments:
+    down = jnp.stack([jnp.zeros_like(drop), drop, jnp.zeros_like(drop)])[:, None]
+    upper, lower = turns
+    elbow = goal.shoulder + quat.rotate(upper, goal.upper)
+    hand = elbow + quat.rotate(lower, goal.lower)
+    before = goal.shoulder + goal.upper
     return Segments(
-        jnp.concatenate([upper_turn, lower_turn, lower_turn], 1),
-        jnp.concatenate([shoulder, elbow, hand], 1) + down,
-        jnp.concatenate([shoulder, at_elbow, at_hand], 1),
+        jnp.concatenate([upper, lower, lower], 1),
+        jnp.concatenate([goal.shoulder, before, before + goal.lower], 1) + down,
+        jnp.concatenate([goal.shoulder, elbow, hand], 1),
     )

@@ -14,47 +14,52 @@ from crowd.layout import Layout
 from crowd.params import Character, Params
 from crowd.state import FAULT_BODY, State
 from kernels import controllers
+from kernels.wall import Wall
 
 
 def body(
-    layout: Layout, params: Params, character: Character, state: State, wrench: Wrench, place: Surroundings
+    layout: Layout, params: Params, character: Character, state: State, wrench: Wrench, place: Surroundings, wall: Wall
 ) -> State:
     """Position, velocity, yaw and pitch after the frame. Gains differ along and across the heading.
 
     A character whose body would stop being finite keeps its last valid state, and its fault bit.
     """
-    dt = layout.dt
-    ok = state.fault == 0
+    moved = wall(lambda c, s, w: _moved(layout.dt, c, s, w), character, state, wrench)
+    turned = wall(lambda c, s, w: _turned(layout.dt, c, s, w), character, state, wrench)
+    new = wall(lambda s, m, t, p: _entered(layout.dt, params, s, m, t, p), state, moved, turned, place)
+    return wall(_kept, state, new)
+
+
+def _moved(dt: float, character: Character, state: State, wrench: Wrench) -> Array:
+    """[4, n]: velocity (x, z) after the frame and the way (x, z) meanwhile, from the controllers along both axes."""
     sin, cos = jnp.sin(state.heading), jnp.cos(state.heading)
 
     def to_heading(v: Array) -> tuple[Array, Array]:
         return v[0] * sin + v[1] * cos, v[0] * cos - v[1] * sin
 
-    def to_world(ahead: Array, left: Array) -> Array:
-        return jnp.stack([ahead * sin + left * cos, ahead * cos - left * sin])
-
     velocity, desired = to_heading(state.velocity), to_heading(heading_velocity(state))
     force = to_heading(wrench.force)
-    moved = [
-        controllers.velocity(
-            velocity[axis],
-            desired[axis],
-            force[axis],
-            wrench.force_slope,
-            character.mass,
-            gain,
-            character.damping,
-            dt,
-        )
+    mass, damping, slope = character.mass, character.damping, wrench.force_slope
+    (ahead, way_ahead), (left, way_left) = (
+        controllers.velocity(velocity[axis], desired[axis], force[axis], slope, mass, gain, damping, dt)
         for axis, gain in enumerate((character.gain_forward, character.gain_side))
-    ]
-    new_velocity = to_world(moved[0][0], moved[1][0])
-    way = to_world(moved[0][1], moved[1][1])
-    yaw_goal = state.yaw + controllers.wrap(state.heading - state.yaw)
+    )
+    return jnp.stack(
+        [
+            ahead * sin + left * cos,
+            ahead * cos - left * sin,
+            way_ahead * sin + way_left * cos,
+            way_ahead * cos - way_left * sin,
+        ]
+    )
+
+
+def _turned(dt: float, character: Character, state: State, wrench: Wrench) -> Array:
+    """[4, n]: yaw, its rate, pitch and its rate after the frame."""
     yaw, yaw_rate = controllers.orientation(
         state.yaw,
         state.yaw_rate,
-        yaw_goal,
+        state.yaw + controllers.wrap(state.heading - state.yaw),
         wrench.torque[0],
         wrench.torque_slope[0],
         character.yaw_inertia,
@@ -73,19 +78,33 @@ def body(
         character.pitch_damping,
         dt,
     )
-    lag = dt / (dt + params.control.ground_time)
-    height = state.position[1] + (place.ground - state.position[1]) * lag
-    follow = dt / (dt + params.control.filter_time)
-    new = dict(
-        position=jnp.stack([state.position[0] + way[0], height, state.position[2] + way[1]]),
-        velocity=new_velocity,
-        smoothed=state.smoothed + (new_velocity - state.smoothed) * follow,
-        yaw=yaw,
-        yaw_rate=yaw_rate,
-        pitch=pitch,
-        pitch_rate=pitch_rate,
+    return jnp.stack([yaw, yaw_rate, pitch, pitch_rate])
+
+
+def _entered(dt: float, params: Params, state: State, moved: Array, turned: Array, place: Surroundings) -> State:
+    """The state with its new motion, and with the ground height and the velocity that follow it slowly."""
+    velocity, way = moved[:2], moved[2:]
+    height = state.position[1] + (place.ground - state.position[1]) * controllers.low_pass(
+        dt, params.control.ground_time
     )
-    check = new["position"].sum(0) + new_velocity.sum(0) + yaw + yaw_rate + pitch + pitch_rate + state.heading
-    finite = jnp.isfinite(check)
-    kept = {name: jnp.where(ok & finite, value, getattr(state, name)) for name, value in new.items()}
-    return dataclasses.replace(state, **kept, fault=state.fault | jnp.where(finite, 0, FAULT_BODY))
+    follow = controllers.low_pass(dt, params.control.filter_time)
+    return dataclasses.replace(
+        state,
+        position=jnp.stack([state.position[0] + way[0], height, state.position[2] + way[1]]),
+        velocity=velocity,
+        smoothed=state.smoothed + (velocity - state.smoothed) * follow,
+        yaw=turned[0],
+        yaw_rate=turned[1],
+        pitch=turned[2],
+        pitch_rate=turned[3],
+    )
+
+
+def _kept(old: State, new: State) -> State:
+    """The new state where it is finite and nothing was wrong before; elsewhere the old one and the fault bit."""
+    moving = ("position", "velocity", "smoothed", "yaw", "yaw_rate", "pitch", "pitch_rate")
+    total = new.position.sum(0) + new.velocity.sum(0) + new.heading
+    finite = jnp.isfinite(total + new.yaw + new.yaw_rate + new.pitch + new.pitch_rate)
+    use = finite & (old.fault == 0)
+    kept = {name: jnp.where(use, getattr(new, name), getattr(old, name)) for name in moving}
+    return dataclasses.replace(old, **kept, fault=old.fault | jnp.where(finite, 0, FAULT_BODY))

@@ -16,6 +16,7 @@ from crowd.params import Character
 from crowd.state import State
 from kernels import ik, quat
 from kernels.vec import TINY, dot, unit
+from kernels.wall import Wall
 
 STRETCH = 0.998  # of a leg's length: the body comes down when a leg would need more
 BEND_SHARE = 0.05  # of a leg's length: keeps the bend plane defined where the clip's leg is straight
@@ -57,6 +58,17 @@ def _swing_height(herd: HerdLayout, assets: HerdAssets, character: Character, st
     return total * character.scale
 
 
+class _Goal(NamedTuple):
+    """Where a leg starts from and where its ankle should go, relative to the character's position."""
+
+    hip: Array  # [3, L, n] m, as the clip has it
+    upper: Array  # [3, L, n] m, hip to knee, as the clip has it
+    lower: Array  # [3, L, n] m, knee to ankle
+    contact: Array  # [3, L, n] m, where the contact point should be
+    foot: Array  # [3, L, n] m, contact point to ankle
+    level: Array  # [4, L, n] turn of the foot
+
+
 def feet(
     layout: Layout,
     herd: HerdLayout,
@@ -66,64 +78,74 @@ def feet(
     state: State,
     blend: Mix,
     transforms: Array,
+    wall: Wall,
 ) -> Feet:
-    """Legs after the clip's pose: bent to their handles, or left as the clip has them (`gait: clip`)."""
-    if layout.footsteps:
-        height, slope = sense.ground(layout, world, state.handle)
-        return _bent(
-            herd,
-            assets,
-            character,
-            state,
-            transforms,
-            height,
-            slope,
-            _swing_height(herd, assets, character, state, blend),
-        )
-    return _as_played(herd, assets, character, state, blend, transforms)
+    """Legs after the clip's pose: bent to their handles, or left as the clip has them (`gait: clip`).
+
+    The contact point goes to the handle; the foot keeps the clip's attitude about it (heel lift) without the body's
+    pitch and yaw, laid onto the slope. Bones between hip and knee or knee and ankle keep the clip's pose.
+    """
+    if not layout.footsteps:
+        return wall(lambda *now: _as_played(herd, assets, *now), character, state, blend, transforms)
+    ground = wall(lambda s: sense.ground(layout, world, s.handle), state)
+    lift = wall(lambda c, s, b: _swing_height(herd, assets, c, s, b), character, state, blend)
+    level = wall(_levelled, state, ground[1])
+    goal = wall(lambda *now: _goal(herd, assets, *now), character, state, transforms, ground[0], lift, level)
+    drop = wall(lambda *now: _drop(assets, *now), character, state, goal)
+    knee, reached, missed = wall(lambda *now: _reached(assets, *now), state, goal, drop)
+    segments = wall(_segments, goal, drop, knee, reached)
+    ball = wall(lambda reached, goal: reached - goal.foot, reached, goal)
+    return Feet(segments, drop, ball, reached, missed, goal.contact, state.progress >= 1.0)
 
 
-def _bent(
+def _goal(
     herd: HerdLayout,
     assets: HerdAssets,
     character: Character,
     state: State,
     transforms: Array,
     height: Array,
-    slope: Array,
     lift: Array,
-) -> Feet:
-    """Legs to their handles by inverse kinematics.
-
-    height, slope: ground [L, n] and its slope [2, L, n] at the handles. lift: height of the contact points above it.
-    The contact point goes to the handle, the foot keeps the clip's attitude about it (heel lift) without the body's
-    pitch, laid onto the slope. Bones between hip and knee or knee and ankle keep the clip's pose.
-    """
+    level: Array,
+) -> _Goal:
+    """height: ground [L, n] under the handles, in the world; lift: height of the contact points above it."""
     position = transforms[4:]
     hips, knees, ankles = (position[:, np.array(j)] for j in (herd.hips, herd.knees, herd.ankles))
     balls = np.array(herd.balls)
     contact = position[:, balls] + quat.rotate(transforms[:4][:, balls], assets.ball_offset * character.scale)
     place = state.handle - state.position[np.array([0, 2])][:, None]
     goal = jnp.stack([place[0], height - state.position[1] + lift, place[1]])
-    level = _levelled(state, slope)
-    foot = quat.rotate(level, ankles - contact)
-    target = goal + foot
-    upper_clip, lower_clip = knees - hips, ankles - knees
-    upper = jnp.sqrt(dot(upper_clip, upper_clip) + TINY)
-    lower = jnp.sqrt(dot(lower_clip, lower_clip) + TINY)
-    drop = _drop(assets, character, state, hips, target, upper + lower)
-    down = jnp.stack([jnp.zeros_like(drop), drop, jnp.zeros_like(drop)])[:, None]
-    hips_down = hips - down
-    pole = _pole(assets, state, upper_clip, ankles - hips, upper + lower)
-    knee, reached, missed = ik.two_bone(hips_down, target, pole, upper, lower)
-    turn_upper = quat.between(upper_clip / upper, (knee - hips_down) / upper)
-    turn_lower = quat.between(lower_clip / lower, unit(reached - knee))
-    segments = Segments(
-        jnp.concatenate([turn_upper, turn_lower, level], 1),
-        jnp.concatenate([hips, knees, ankles], 1),
-        jnp.concatenate([hips_down, knee, reached], 1),
+    return _Goal(hips, knees - hips, ankles - knees, goal, quat.rotate(level, ankles - contact), level)
+
+
+def _reached(assets: HerdAssets, state: State, goal: _Goal, drop: Array) -> tuple[Array, Array, Array]:
+    """Knees, reached ankles and what is missing, after the body came down."""
+    upper = jnp.sqrt(dot(goal.upper, goal.upper) + TINY)
+    lower = jnp.sqrt(dot(goal.lower, goal.lower) + TINY)
+    pole = _pole(assets, state, goal.upper, goal.upper + goal.lower, upper + lower)
+    return ik.two_bone(_down(goal.hip, drop), goal.contact + goal.foot, pole, upper, lower)
+
+
+def _segments(goal: _Goal, drop: Array, knee: Array, reached: Array) -> Segments:
+    hip = _down(goal.hip, drop)
+    knee_before = goal.hip + goal.upper
+    return Segments(
+        jnp.concatenate(
+            [
+                quat.between(unit(goal.upper), unit(knee - hip)),
+                quat.between(unit(goal.lower), unit(reached - knee)),
+                goal.level,
+            ],
+            1,
+        ),
+        jnp.concatenate([goal.hip, knee_before, knee_before + goal.lower], 1),
+        jnp.concatenate([hip, knee, reached], 1),
     )
-    return Feet(segments, drop, reached - foot, reached, missed, goal, state.progress >= 1.0)
+
+
+def _down(position: Array, drop: Array) -> Array:
+    """Positions [3, L, n] of a body that came down by `drop` [n]."""
+    return position - jnp.stack([jnp.zeros_like(drop), drop, jnp.zeros_like(drop)])[:, None]
 
 
 def _levelled(state: State, slope: Array) -> Array:
@@ -138,14 +160,14 @@ def _levelled(state: State, slope: Array) -> Array:
     return quat.multiply(quat.between(flat, up), unpitch)
 
 
-def _drop(assets: HerdAssets, character: Character, state: State, hips: Array, target: Array, length: Array) -> Array:
+def _drop(assets: HerdAssets, character: Character, state: State, goal: _Goal) -> Array:
     """[n] m by which the hips come down so that every leg reaches; legs in mid-swing do not ask for it."""
-    way = target - hips
+    way = goal.contact + goal.foot - goal.hip
+    length = jnp.sqrt(dot(goal.upper, goal.upper) + TINY) + jnp.sqrt(dot(goal.lower, goal.lower) + TINY)
     most = STRETCH * length
     vertical = jnp.sqrt(jnp.maximum(most * most - way[0] ** 2 - way[2] ** 2, (0.3 * length) ** 2))
-    need = -way[1] - vertical
     ends = jnp.abs(2.0 * state.progress - 1.0)
-    need = (jnp.maximum(need, 0.0) * ends * ends).max(0)
+    need = (jnp.maximum(-way[1] - vertical, 0.0) * ends * ends).max(0)
     return jnp.minimum(need, MOST_DROP * assets.pivot_height * character.scale)
 
 

@@ -13,8 +13,9 @@ from crowd.assets import HerdAssets
 from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, Control, Params
 from crowd.state import State
-from kernels import stepping
+from kernels import controllers, stepping
 from kernels.vec import TINY, smoothstep
+from kernels.wall import Wall
 
 BAND = 0.12  # gaits change over this share above and below the speed half-way (geometric) between two clips
 
@@ -52,112 +53,154 @@ def mix(herd: HerdLayout, assets: HerdAssets, character: Character, state: State
     )
 
 
+class _Pace(NamedTuple):
+    """What the clock does in this frame."""
+
+    advance: Array  # [n] cycles
+    stride: Array  # [2, n] m per cycle, world (x, z)
+    walking: Array  # [n] bool; otherwise the character stands, or takes closing steps
+    idle: Array  # [n] weight of the idle clip
+    idle_phase: Array  # [n] cycles
+
+
+class _Swing(NamedTuple):
+    """Every leg's swing in this frame."""
+
+    before: Array  # [L, n] progress at its beginning, 0 when the leg lifts off in it
+    after: Array  # [L, n] progress at its end
+    aims: Array  # [L, n] bool: the target is (still) aimed
+
+
 def gait(
-    layout: Layout, herd: HerdLayout, assets: HerdAssets, params: Params, character: Character, state: State
-) -> State:
-    """Clock, idle weight, and every leg's swing, target and handle after the frame."""
+    layout: Layout, herd: HerdLayout, assets: HerdAssets, params: Params, character: Character, state: State, wall: Wall
+) -> tuple[State, Mix]:
+    """Clock, idle weight, and every leg's swing, target and handle after the frame; and the blend of clips."""
     dt, control = layout.dt, params.control
+    state = wall(lambda s: _asked(dt, control, s), state)
+    blend = wall(lambda c, s: mix(herd, assets, c, s), character, state)
+    pace = wall(lambda c, s, b: _pace(layout, assets, control, c, s, b), character, state, blend)
+    state = dataclasses.replace(state, idle=pace.idle, idle_phase=pace.idle_phase)
+    if not layout.footsteps:
+        phase = wall(lambda phase, pace: _wrap(phase + pace.advance), state.phase, pace)
+        return dataclasses.replace(state, phase=phase), blend
+    rest = wall(lambda c, s, b: _turned(_standing_rest(assets, c, s, b), s.yaw), character, state, blend)
+    pace = wall(lambda *now: _hastened(assets, *now), character, state, blend, pace, rest)
+    phase = wall(lambda phase, pace: _wrap(phase + pace.advance), state.phase, pace)
+    state = dataclasses.replace(state, phase=phase)
+    swing = wall(lambda *now: _swing(dt, control, assets, *now), character, state, blend, pace, rest)
+    target = wall(lambda *now: _aimed(herd, control, assets, *now), character, state, blend, pace, rest, swing)
+    handle, foot_yaw = wall(_moved, state, target, swing)
+    return dataclasses.replace(state, progress=swing.after, target=target, handle=handle, foot_yaw=foot_yaw), blend
+
+
+def _asked(dt: float, control: Control, state: State) -> State:
+    """The desired speed, low-passed: it picks the gait."""
     desired = jnp.sqrt(state.desired[0] ** 2 + state.desired[1] ** 2 + TINY)
-    lag = dt / (dt + control.filter_time)
-    state = dataclasses.replace(state, gait_speed=state.gait_speed + (desired - state.gait_speed) * lag)
-    blend = mix(herd, assets, character, state)
+    share = controllers.low_pass(dt, control.filter_time)
+    return dataclasses.replace(state, gait_speed=state.gait_speed + (desired - state.gait_speed) * share)
+
+
+def _pace(
+    layout: Layout, assets: HerdAssets, control: Control, character: Character, state: State, blend: Mix
+) -> _Pace:
+    """Cadence and stride by the schedule, from the low-passed velocity."""
+    dt = layout.dt
     sin, cos = jnp.sin(state.heading), jnp.cos(state.heading)
     ahead = state.smoothed[0] * sin + state.smoothed[1] * cos
     left = state.smoothed[0] * cos - state.smoothed[1] * sin
     ahead, left = stepping.step_velocity(ahead, left, control.side_ratio * blend.speed)
     pace = jnp.sqrt(ahead**2 + left**2 + TINY)
+    desired = jnp.sqrt(state.desired[0] ** 2 + state.desired[1] ** 2 + TINY)
     speed = jnp.sqrt(state.smoothed[0] ** 2 + state.smoothed[1] ** 2 + TINY)
     walking = (speed > control.stand_ratio * blend.speed) & (state.fault == 0)
     cadence = stepping.cadence(layout.schedule, pace / blend.speed, desired / blend.speed) / blend.period
     # gradients through the moments of steps mislead (events slide across frames): steps keep their times
     cadence = jax.lax.stop_gradient(cadence)
     cycle = blend.speed * blend.period / pace if layout.schedule == "paper" else 1.0 / cadence
-    stride = jnp.stack([ahead * sin + left * cos, ahead * cos - left * sin]) * cycle
-    idle = state.idle + (jnp.where(walking, 0.0, 1.0) - state.idle) * (dt / (dt + 0.5 * control.filter_time))
-    state = dataclasses.replace(
-        state, idle=idle, idle_phase=_wrap(state.idle_phase + dt * assets.idle_rate / jnp.sqrt(character.scale))
+    share = controllers.low_pass(dt, 0.5 * control.filter_time)
+    return _Pace(
+        advance=jnp.where(walking, cadence * dt, 0.0),
+        stride=jnp.stack([ahead * sin + left * cos, ahead * cos - left * sin]) * cycle,
+        walking=walking,
+        idle=state.idle + (jnp.where(walking, 0.0, 1.0) - state.idle) * share,
+        idle_phase=_wrap(state.idle_phase + dt * assets.idle_rate / jnp.sqrt(character.scale)),
     )
-    advance = jnp.where(walking, cadence * dt, 0.0)
-    phase = _wrap(state.phase + advance)
-    if not layout.footsteps:
-        return dataclasses.replace(state, phase=phase)
-    return _steps(herd, assets, params, character, state, blend, stride, cadence, advance, phase, walking, dt)
 
 
-def _steps(
-    herd: HerdLayout,
+def _swing(
+    dt: float,
+    control: Control,
     assets: HerdAssets,
-    params: Params,
     character: Character,
     state: State,
     blend: Mix,
-    stride: Array,
-    cadence: Array,
-    advance: Array,
-    phase: Array,
-    walking: Array,
-    dt: float,
-) -> State:
-    """Plan, swing and plant every leg (axis L)."""
-    control = params.control
-    root = state.position[jnp.array([0, 2])]
-    rest = _turned(_standing_rest(herd, assets, character, state, blend), state.yaw)
-    lag = _urgency(state, root, rest, stride, blend, assets, character)
-    advance = advance * lag
-    phase = _wrap(state.phase + advance)
+    pace: _Pace,
+    rest: Array,
+) -> _Swing:
+    """Lift-offs, and how far each swing gets; a leg that lifts off inside the frame has only the rest of it."""
     swing = 1.0 - blend.duty
-    lifts = stepping.lift_off(phase, advance, blend.lift, state.progress, walking)
-    since = phase - blend.lift
+    lifts = stepping.lift_off(state.phase, pace.advance, blend.lift, state.progress, pace.walking)
+    since = state.phase - blend.lift
     since = since - jnp.floor(since)
-    close = _closing(herd, control, assets, character, state, root, rest, walking)
-    # a leg that lifts off inside the frame has only the remainder of it to swing
+    close = _closing(control, assets, character, state, rest, pace.walking)
     before = jnp.where(lifts | close, 0.0, state.progress)
     closing_step = dt / (control.close_time * jnp.sqrt(character.scale))
-    pace = jnp.where(walking, advance / swing, closing_step)
-    after = jnp.where(lifts, since / swing, jnp.where(before < 1.0, before + pace, 1.0))
-    after = jnp.clip(after, 0.0, 1.0)
-    aim = stepping.landing(root[:, None], rest, stride[:, None] * jnp.where(walking, 1.0, 0.0), after, blend.duty)
-    aim = _uncrossed(herd, params, assets, character, state, aim)
-    fresh = lifts | close | ((before < stepping.REAIM_UNTIL) & (before < 1.0))
-    target = jnp.where(fresh, aim, state.target)
-    handle = stepping.move_handle(state.handle, target, before, after)
-    yaw = jnp.broadcast_to(state.yaw, before.shape)
-    foot_yaw = stepping.move_handle(state.foot_yaw[None], yaw[None], before, after)[0]
-    return dataclasses.replace(state, phase=phase, progress=after, target=target, handle=handle, foot_yaw=foot_yaw)
+    step = jnp.where(pace.walking, pace.advance / swing, closing_step)
+    after = jnp.where(lifts, since / swing, jnp.where(before < 1.0, before + step, 1.0))
+    aims = lifts | close | (before < stepping.REAIM_UNTIL)
+    return _Swing(before, jnp.clip(after, 0.0, 1.0), aims)
 
 
-def _standing_rest(herd: HerdLayout, assets: HerdAssets, character: Character, state: State, blend: Mix) -> Array:
-    """[2, L, n] m, rest place of each foot in the character frame: the gait's, or the idle clip's when standing."""
-    del herd
-    return blend.rest + (assets.idle_rest * character.scale - blend.rest) * state.idle
-
-
-def _urgency(
-    state: State, root: Array, rest: Array, stride: Array, blend: Mix, assets: HerdAssets, character: Character
-) -> Array:
-    """[n] factor on the clock: a planted foot left far behind (a push) hastens the cycle, up to twice."""
-    off = state.handle - root[:, None] - rest
-    half = 0.5 * blend.duty * jnp.sqrt(stride[0] ** 2 + stride[1] ** 2 + TINY)
-    distance = jnp.sqrt(off[0] ** 2 + off[1] ** 2 + TINY)
-    excess = jnp.where(state.progress >= 1.0, distance - half, 0.0).max(0)
-    reach = 0.25 * assets.pivot_height * character.scale
-    return jax.lax.stop_gradient(1.0 + smoothstep((excess - 0.5 * reach) / reach))
-
-
-def _closing(
+def _aimed(
     herd: HerdLayout,
     control: Control,
     assets: HerdAssets,
     character: Character,
     state: State,
-    root: Array,
+    blend: Mix,
+    pace: _Pace,
     rest: Array,
-    walking: Array,
+    swing: _Swing,
+) -> Array:
+    """[2, L, n] targets: aimed at where the foot will be wanted, without crossing the other foot."""
+    root = state.position[jnp.array([0, 2])]
+    stride = pace.stride * jnp.where(pace.walking, 1.0, 0.0)
+    aim = stepping.landing(root[:, None], rest, stride[:, None], swing.after, blend.duty)
+    return jnp.where(swing.aims, _uncrossed(herd, control, assets, character, state, aim), state.target)
+
+
+def _moved(state: State, target: Array, swing: _Swing) -> tuple[Array, Array]:
+    """Handles [2, L, n] and yaws of the feet [L, n], fixed while planted."""
+    yaw = jnp.broadcast_to(state.yaw, swing.before.shape)
+    foot_yaw = stepping.move_handle(state.foot_yaw[None], yaw[None], swing.before, swing.after)[0]
+    return stepping.move_handle(state.handle, target, swing.before, swing.after), foot_yaw
+
+
+def _standing_rest(assets: HerdAssets, character: Character, state: State, blend: Mix) -> Array:
+    """[2, L, n] m, rest place of each foot in the character frame: the gait's, or the idle clip's when standing."""
+    return blend.rest + (assets.idle_rest * character.scale - blend.rest) * state.idle
+
+
+def _off(state: State, rest: Array) -> Array:
+    """[L, n] m, how far each handle is from its rest place."""
+    off = state.handle - state.position[jnp.array([0, 2])][:, None] - rest
+    return jnp.sqrt(off[0] ** 2 + off[1] ** 2 + TINY)
+
+
+def _hastened(assets: HerdAssets, character: Character, state: State, blend: Mix, pace: _Pace, rest: Array) -> _Pace:
+    """A planted foot left far behind (a push) hastens the clock, up to twice."""
+    half = 0.5 * blend.duty * jnp.sqrt(pace.stride[0] ** 2 + pace.stride[1] ** 2 + TINY)
+    excess = jnp.where(state.progress >= 1.0, _off(state, rest) - half, 0.0).max(0)
+    reach = 0.25 * assets.pivot_height * character.scale
+    haste = jax.lax.stop_gradient(1.0 + smoothstep((excess - 0.5 * reach) / reach))
+    return pace._replace(advance=pace.advance * haste)
+
+
+def _closing(
+    control: Control, assets: HerdAssets, character: Character, state: State, rest: Array, walking: Array
 ) -> Array:
     """[L, n] legs that take a closing step: standing, too far from rest, the farthest first, one at a time."""
-    off = state.handle - root[:, None] - rest
-    distance = jnp.sqrt(off[0] ** 2 + off[1] ** 2 + TINY)
-    far = distance - control.close_distance * assets.pivot_height * character.scale
+    far = _off(state, rest) - control.close_distance * assets.pivot_height * character.scale
     farthest = far >= far.max(0) - 1e-6
     first = jnp.cumsum(farthest, 0) == 1
     still = (state.progress >= 1.0).all(0)
@@ -165,7 +208,7 @@ def _closing(
 
 
 def _uncrossed(
-    herd: HerdLayout, params: Params, assets: HerdAssets, character: Character, state: State, aim: Array
+    herd: HerdLayout, control: Control, assets: HerdAssets, character: Character, state: State, aim: Array
 ) -> Array:
     """Targets that do not pass the partner's foot: a lateral gap in the character's own axes is kept."""
     partner = jnp.array(herd.partners)
@@ -173,7 +216,7 @@ def _uncrossed(
     side = side.reshape(-1, 1).astype(aim.dtype)
     left = jnp.stack([jnp.cos(state.yaw), -jnp.sin(state.yaw)])
     other = state.handle[:, partner]
-    gap = params.control.foot_gap * jnp.abs(assets.idle_rest[0] - assets.idle_rest[0, partner]) * character.scale
+    gap = control.foot_gap * jnp.abs(assets.idle_rest[0] - assets.idle_rest[0, partner]) * character.scale
     across = (aim[0] - other[0]) * left[0] + (aim[1] - other[1]) * left[1]
     short = jnp.maximum(gap - side * across, 0.0) * side
     return aim + left[:, None] * short

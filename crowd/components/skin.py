@@ -87,7 +87,10 @@ def fluid_drag(
         )
         total = drag.skinned(herd.triangles.values, moved, velocity, fluid, layout.submersion, layout.offset_mode, wall)
     hips = transforms[4:][:, np.array(herd.hips)]
-    return wall(_applied, state, total, hips)
+    force, arm, slope, center, fault = wall(_applied, state, total, hips)
+    torque, yaw_pitch, slopes = wall(_torques, state.yaw, force, arm, slope)
+    state = dataclasses.replace(state, force=force, torque=yaw_pitch, drag_slope=slopes, fault=fault)
+    return state, Load(force, torque, center)
 
 
 def _bone_velocity(now: Array, before: Array, way: Array, flow: Array, rate: float) -> Array:
@@ -97,28 +100,29 @@ def _bone_velocity(now: Array, before: Array, way: Array, flow: Array, rate: flo
     return jnp.concatenate([linear, turn[1:] * (2.0 * rate * jnp.sign(turn[0]))])
 
 
-def _applied(state: State, total: drag.Drag, hips: Array) -> tuple[State, Load]:
+def _applied(state: State, total: drag.Drag, hips: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """(force, arm of the centre of pressure about C_M, slope, C_P or NaN, fault bits) for characters that feel it."""
     center_of_mass = hips.sum(1) / hips.shape[1]
     felt = (state.frame > 0) & (state.fault == 0)
-    check = total.force.sum(0) + total.moment.sum(0) + total.magnitude + total.slope
-    finite = jnp.isfinite(check)
+    finite = jnp.isfinite(total.force.sum(0) + total.moment.sum(0) + total.magnitude + total.slope)
     use = felt & finite
-    force = jnp.where(use, total.force, 0.0)
     wet = use & (total.magnitude > 1e-6)
     center = jnp.where(wet, total.moment / jnp.where(wet, total.magnitude, 1.0), center_of_mass)
-    arm = center - center_of_mass
-    torque = cross(arm, force)
-    left = jnp.stack([jnp.cos(state.yaw), jnp.zeros_like(state.yaw), -jnp.sin(state.yaw)])
-    pitch_torque = torque[0] * left[0] + torque[2] * left[2]
-    # F = g u |u|-like: the force falls by 2 g per metre per second that the whole body yields
+    # F goes with |u| u: it falls by 2 F / |u| per metre per second that the whole body yields
     slope = 2.0 * jnp.where(use, total.slope, 0.0)
-    state = dataclasses.replace(
-        state,
-        force=force,
-        torque=jnp.stack([torque[1], pitch_torque]),
-        drag_slope=jnp.stack(
-            [slope, slope * (arm[0] ** 2 + arm[2] ** 2), slope * (arm[1] ** 2 + arm[0] ** 2 + arm[2] ** 2)]
-        ),
-        fault=state.fault | jnp.where(finite, 0, FAULT_DRAG),
+    fault = state.fault | jnp.where(finite, 0, FAULT_DRAG)
+    return (
+        jnp.where(use, total.force, 0.0),
+        center - center_of_mass,
+        slope,
+        jnp.where(wet, center, jnp.nan),
+        fault,
     )
-    return state, Load(force, torque, jnp.where(wet, center, jnp.nan))
+
+
+def _torques(yaw: Array, force: Array, arm: Array, slope: Array) -> tuple[Array, Array, Array]:
+    """(C_P - C_M) x F [3, n], its yaw and pitch components [2, n], and the slopes of force and both torques [3, n]."""
+    torque = cross(arm, force)
+    pitch = torque[0] * jnp.cos(yaw) - torque[2] * jnp.sin(yaw)
+    x, y, z = arm[0] * arm[0], arm[1] * arm[1], arm[2] * arm[2]
+    return torque, jnp.stack([torque[1], pitch]), jnp.stack([slope, slope * (x + z), slope * (x + y + z)])
