@@ -100,7 +100,7 @@ def rollout(
 
 
 @functools.lru_cache(maxsize=32)
-def compiled(layout: Layout, chunk: int) -> Callable[..., Any]:
+def compiled(layout: Layout, chunk: int) -> Any:
     """The jitted program for a layout: `rollout`, on whichever device its arguments lie."""
     return jax.jit(functools.partial(rollout, layout, chunk), donate_argnums=(2,))
 
@@ -150,6 +150,7 @@ def stream(
     every = layout.record_every
     chunk = max(1, min(chunk, -(-total // every)))
     run = compiled(layout, chunk)
+    run.trace(*shares[0], np.int32(total), np.True_)  # once: the devices' threads would each do it
     done = 0
     while done < total:
         left = total - done

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -65,7 +66,7 @@ def fluid_drag(
     fluid = place.fluid._replace(surface=jnp.maximum(place.fluid.surface - state.position[1], -1e3))
     rate = 1.0 / layout.dt
     if layout.mesh == "rigid":
-        velocity = wall(lambda *now: _bone_velocity(*now, rate), moved, previous, way, fluid.flow)
+        velocity = wall(functools.partial(_bone_velocity, rate), moved, previous, way, fluid.flow)
         total = drag.rigid(
             herd.block_bones.values,
             assets.rigid_mesh,
@@ -93,7 +94,7 @@ def fluid_drag(
     return state, Load(force, torque, center)
 
 
-def _bone_velocity(now: Array, before: Array, way: Array, flow: Array, rate: float) -> Array:
+def _bone_velocity(rate: float, now: Array, before: Array, way: Array, flow: Array) -> Array:
     """[6, J, n]: velocity of each bone's origin less the flow, and its spin in its own frame."""
     linear = (now[4:] - before[4:] + way[:, None]) * rate - flow[:, None]
     turn = quat.multiply(quat.conjugate(before[:4]), now[:4])
