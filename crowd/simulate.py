@@ -116,10 +116,10 @@ def dealt(program: Program, devices: int) -> list[tuple[Assets, Params, tuple[St
         raise fail("devices", f"the program's tiles do not divide by {devices}; build it for as many devices")
 
     def share(tree: Any, device: int) -> Any:
-        def cut(leaf: Array) -> Array:
+        def cut(leaf: Array) -> np.ndarray:
             size = leaf.shape[0] // devices
             # a copy: the program overwrites its states, the caller's stay
-            return jnp.array(leaf[device * size : (device + 1) * size], copy=True)
+            return np.array(np.asarray(leaf)[device * size : (device + 1) * size])
 
         return jax.tree.map(cut, tree)
 
