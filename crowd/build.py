@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import jax.numpy as jnp
+from typing import Any
+
+import jax
 import numpy as np
-from jax import Array
 
 from crowd.assets import Assets, World
 from crowd.herd_assets import herd_assets, herd_layout
@@ -46,10 +47,11 @@ def build(scene: Scene, devices: int = 1, walls: bool = True, tile: int = TILE) 
         characters=tuple(Character(**_tiled(_character(scene, herd), devices, tile)) for herd in scene.herds),
     )
     states = tuple(State(**_tiled(initial_state(scene, herd, layout), devices, tile)) for herd in scene.herds)
+    assets, params, states = jax.device_put((assets, params, states))
     return layout, assets, params, states
 
 
-def tiled(values: np.ndarray, devices: int, tile: int) -> Array:
+def tiled(values: np.ndarray, devices: int, tile: int) -> np.ndarray:
     """[..., n] to [tiles, ..., tile]; the padding repeats the first character."""
     values = np.asarray(values)
     count = values.shape[-1]
@@ -58,10 +60,10 @@ def tiled(values: np.ndarray, devices: int, tile: int) -> Array:
     index = np.concatenate([np.arange(count), np.zeros(tiles * tile - count, int)])
     split = values[..., index].reshape(*values.shape[:-1], tiles, tile)
     kind = values.dtype if values.dtype.kind in "ib" else np.float32
-    return jnp.asarray(np.ascontiguousarray(np.moveaxis(split, -2, 0)).astype(kind))
+    return np.ascontiguousarray(np.moveaxis(split, -2, 0)).astype(kind)
 
 
-def _tiled(fields: dict[str, np.ndarray], devices: int, tile: int) -> dict[str, Array]:
+def _tiled(fields: dict[str, np.ndarray], devices: int, tile: int) -> dict[str, Any]:
     return {name: tiled(values, devices, tile) for name, values in fields.items()}
 
 
@@ -99,8 +101,9 @@ def _world(scene: Scene) -> World:
     return World(*(_f32(v) for v in (ground.parameters, ground.axis, grid.reshape(-1), ground.origin, ground.cell)))
 
 
-def _f32(values: np.ndarray | float) -> Array:
-    return jnp.asarray(np.asarray(values, np.float32))
+def _f32(values: np.ndarray | float) -> Any:
+    """On the host: `build` sends everything to the device at once."""
+    return np.asarray(values, np.float32)
 
 
 def _sigmoid(model: SigmoidModel) -> Sigmoid:
@@ -112,7 +115,7 @@ def _fluids(scene: Scene) -> Fluids:
     named = [table.fluids.get(region.fluid) if region.fluid else None for region in regions]
     resolved = [table.fluid(region) for region in regions]
 
-    def override(attribute: str) -> Array:
+    def override(attribute: str) -> Any:
         values = [getattr(fluid, attribute) if fluid else None for fluid in named]
         return _f32(np.array([-1.0 if value is None else value for value in values]))
 
@@ -152,10 +155,10 @@ def _events(scene: Scene) -> Events:
     pushes = [event for event in events if event.impulse_n_s is not None]
     turns = [event for event in events if event.impulse_n_s is None]
 
-    def frames(chosen: list) -> Array:
-        return jnp.asarray(np.array([round(event.at_s * rate) for event in chosen], np.int32))
+    def frames(chosen: list) -> Any:
+        return np.array([round(event.at_s * rate) for event in chosen], np.int32)
 
-    def local(chosen: list) -> Array:
+    def local(chosen: list) -> Any:
         return _f32(np.array([event.frame == "character" for event in chosen]))
 
     return Events(

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
-from jax import Array
 
 from crowd import posing
 from crowd.analysis.gait import Gait, feet
@@ -87,8 +86,9 @@ def herd_assets(herd: HerdScene) -> HerdAssets:
     )
 
 
-def _array(values: np.ndarray) -> Array:
-    return jnp.asarray(np.asarray(values, np.float32))
+def _array(values: np.ndarray) -> Any:
+    """On the host: `build` sends everything to the device at once."""
+    return np.asarray(values, np.float32)
 
 
 def _partners(rig: Archetype) -> tuple[int, ...]:
