@@ -22,6 +22,7 @@ from zarr.codecs import BloscCodec
 from crowd.errors import fail
 from crowd.recorded_scene import HerdLike, SceneLike, levels_of
 from crowd.recording_layout import FORMAT, GROUND, HERD, LABELS, ROOT, SIZES, STATIC_MEANINGS, STATIC_UNITS, Column
+from crowd.scenario_herd import TAKEN_NAMES
 
 CHUNK_BYTES = 2 << 20  # of one array, uncompressed: a good size for reading a few characters or a few moments
 GROUND_SAMPLES = 256
@@ -230,9 +231,8 @@ def _refuse_foreign(path: Path) -> None:
 
 def _refuse_names(scene: SceneLike) -> None:
     """`InputError` for herds whose group would carry the name of an array."""
-    taken = {*ROOT, *STATIC_UNITS, "time", "character", "component", "herd", "herd_name"}
     for herd in scene.herds:
-        if herd.name in taken:
+        if herd.name in TAKEN_NAMES:
             raise fail(f"herd {herd.name!r}", "has the name of an array of the recording; choose another")
 
 

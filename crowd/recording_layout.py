@@ -36,7 +36,7 @@ ROOT: dict[str, Column] = {
     "drag_force": Column(VECTOR, "N", "force of the fluid on the character"),
     "drag_torque": Column(VECTOR, "N m", "torque of the fluid about the middle of the hips"),
     "center_of_pressure": Column(VECTOR, "m", "mean place of the drag force, world; NaN when dry"),
-    "drag_power": Column(CHARACTER, "W", "rate at which the fluid takes energy from the skin"),
+    "drag_power": Column(CHARACTER, "W", "power the body spends against the drag, -F.v"),
     "depth": Column(CHARACTER, "m", "fluid above the ground under the character, 0 when dry"),
     "fault": Column(CHARACTER, "1", "fault bits; not 0: frozen at the last valid pose", np.int32),
 }

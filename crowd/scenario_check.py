@@ -18,6 +18,7 @@ from crowd.scenario_herd import (
     ASSET_SUFFIXES,
     BUILT_IN,
     MAX_CHARACTERS,
+    TAKEN_NAMES,
     Event,
     Herd,
     Normal,
@@ -126,6 +127,8 @@ def _names(parts: _Parts, data: dict[str, Any]) -> Found:
     for index, name in parts.names.items():
         if name in first:
             yield ("herds", index, "name"), f"'{name}' is the name of herds[{first[name]}] too; names are unique"
+        if name in TAKEN_NAMES:
+            yield ("herds", index, "name"), f"'{name}' is the name of an array of the recording; choose another"
         first.setdefault(name, index)
     pictures = data.get("pictures")
     follow = pictures.get("follow") if isinstance(pictures, dict) else None

@@ -11,6 +11,12 @@ from crowd.scenario_types import Flag, Model, Name, NotNegative, Number, Point, 
 BUILT_IN = ("human", "dog", "hexapod")
 ASSET_SUFFIXES = (".glb", ".gltf", ".bvh", ".yaml", ".yml")
 MAX_CHARACTERS = 1_000_000
+# Names of arrays at the root of a recording, where each herd has a group of its own name.
+_TAKEN = (
+    "position velocity yaw pitch desired_velocity phase drag_force drag_torque center_of_pressure drag_power depth "
+    "fault scale mass reference_speed time character component herd herd_name"
+)
+TAKEN_NAMES = frozenset(_TAKEN.split())
 
 Count = Annotated[int, Field(strict=True, ge=1, le=MAX_CHARACTERS)]
 Distance = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=1e4)]

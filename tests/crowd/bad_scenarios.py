@@ -34,6 +34,7 @@ BOMB = "a: &a [x,x,x,x,x,x,x,x,x,x]\n" + "".join(
 )
 
 TABLE = [
+    Bad("herd named like an array", "name: people", "name: position", ("scene.yaml:4", "'position'", "an array")),
     # the file itself
     Bad("empty", None, "", ("scene.yaml: is empty", "mapping")),
     Bad("only comments", None, "# nothing\n", ("scene.yaml: is empty",)),

@@ -153,3 +153,11 @@ def test_replaces_only_recordings(made_result, recorded, tmp_path):
         with Recorder(again, made_result.scene) as recorder:
             recorder.append(made_result.chunks(length)[0])
     assert len(open_recording(again).time) == 20
+
+
+def test_herds_cannot_have_the_names_of_arrays() -> None:
+    """The scenario refuses every name that a recording uses at its root."""
+    from crowd.recording_layout import ROOT, STATIC_UNITS
+    from crowd.scenario_herd import TAKEN_NAMES
+
+    assert {*ROOT, *STATIC_UNITS, "time", "character", "component", "herd", "herd_name"} == TAKEN_NAMES
