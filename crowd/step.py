@@ -35,7 +35,8 @@ def step(
     with jax.named_scope("sense"):
         place = wall(lambda position: sense.sense(layout, world, params.fluids, position), state.position)
     with jax.named_scope("steer"):
-        state = wall(lambda c, s: steer.steer(layout, herd, assets, params, c, s), character, state)
+        asked = wall(lambda c, s: steer.steer(layout, herd, assets, params, c, s), character, state)
+        state = dataclasses.replace(state, **asked)
     with jax.named_scope("forces"):
         wrench = wall(lambda c, s, p: forces.total(layout, params, c, s, p), character, state, place)
     with jax.named_scope("body"):

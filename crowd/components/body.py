@@ -27,7 +27,7 @@ def body(
     moved = wall(lambda c, s, w: _moved(layout.dt, c, s, w), character, state, wrench)
     turned = wall(lambda c, s, w: _turned(layout.dt, c, s, w), character, state, wrench)
     new = wall(lambda s, m, t, p: _entered(layout.dt, params, s, m, t, p), state, moved, turned, place)
-    return wall(_kept, state, new)
+    return dataclasses.replace(state, **wall(_kept, state, new))
 
 
 def _moved(dt: float, character: Character, state: State, wrench: Wrench) -> Array:
@@ -81,15 +81,16 @@ def _turned(dt: float, character: Character, state: State, wrench: Wrench) -> Ar
     return jnp.stack([yaw, yaw_rate, pitch, pitch_rate])
 
 
-def _entered(dt: float, params: Params, state: State, moved: Array, turned: Array, place: Surroundings) -> State:
-    """The state with its new motion, and with the ground height and the velocity that follow it slowly."""
+def _entered(
+    dt: float, params: Params, state: State, moved: Array, turned: Array, place: Surroundings
+) -> dict[str, Array]:
+    """Fields of the state that move, and the ground height and velocity that follow them slowly."""
     velocity, way = moved[:2], moved[2:]
     height = state.position[1] + (place.ground - state.position[1]) * controllers.low_pass(
         dt, params.control.ground_time
     )
     follow = controllers.low_pass(dt, params.control.filter_time)
-    return dataclasses.replace(
-        state,
+    return dict(
         position=jnp.stack([state.position[0] + way[0], height, state.position[2] + way[1]]),
         velocity=velocity,
         smoothed=state.smoothed + (velocity - state.smoothed) * follow,
@@ -100,11 +101,10 @@ def _entered(dt: float, params: Params, state: State, moved: Array, turned: Arra
     )
 
 
-def _kept(old: State, new: State) -> State:
-    """The new state where it is finite and nothing was wrong before; elsewhere the old one and the fault bit."""
-    moving = ("position", "velocity", "smoothed", "yaw", "yaw_rate", "pitch", "pitch_rate")
-    total = new.position.sum(0) + new.velocity.sum(0) + new.heading
-    finite = jnp.isfinite(total + new.yaw + new.yaw_rate + new.pitch + new.pitch_rate)
+def _kept(old: State, new: dict[str, Array]) -> dict[str, Array]:
+    """The new fields where they are finite and nothing was wrong before; elsewhere the old ones and the fault bit."""
+    total = new["position"].sum(0) + new["velocity"].sum(0) + old.heading
+    finite = jnp.isfinite(total + new["yaw"] + new["yaw_rate"] + new["pitch"] + new["pitch_rate"])
     use = finite & (old.fault == 0)
-    kept = {name: jnp.where(use, getattr(new, name), getattr(old, name)) for name in moving}
-    return dataclasses.replace(old, **kept, fault=old.fault | jnp.where(finite, 0, FAULT_BODY))
+    kept = {name: jnp.where(use, value, getattr(old, name)) for name, value in new.items()}
+    return kept | {"fault": old.fault | jnp.where(finite, 0, FAULT_BODY)}

@@ -76,7 +76,7 @@ def gait(
 ) -> tuple[State, Mix]:
     """Clock, idle weight, and every leg's swing, target and handle after the frame; and the blend of clips."""
     dt, control = layout.dt, params.control
-    state = wall(lambda s: _asked(dt, control, s), state)
+    state = dataclasses.replace(state, gait_speed=wall(lambda s: _asked(dt, control, s), state))
     blend = wall(lambda c, s: mix(herd, assets, c, s), character, state)
     pace = wall(lambda c, s, b: _pace(layout, assets, control, c, s, b), character, state, blend)
     state = dataclasses.replace(state, idle=pace.idle, idle_phase=pace.idle_phase)
@@ -93,11 +93,11 @@ def gait(
     return dataclasses.replace(state, progress=swing.after, target=target, handle=handle, foot_yaw=foot_yaw), blend
 
 
-def _asked(dt: float, control: Control, state: State) -> State:
-    """The desired speed, low-passed: it picks the gait."""
+def _asked(dt: float, control: Control, state: State) -> Array:
+    """[n] m/s, the desired speed, low-passed: it picks the gait."""
     desired = jnp.sqrt(state.desired[0] ** 2 + state.desired[1] ** 2 + TINY)
     share = controllers.low_pass(dt, control.filter_time)
-    return dataclasses.replace(state, gait_speed=state.gait_speed + (desired - state.gait_speed) * share)
+    return state.gait_speed + (desired - state.gait_speed) * share
 
 
 def _pace(

@@ -18,8 +18,8 @@ ARRIVAL = 0.3  # m: a way-point counts as reached
 
 def steer(
     layout: Layout, herd: HerdLayout, assets: HerdAssets, params: Params, character: Character, state: State
-) -> State:
-    """The state with `desired`, `waypoint`, `facing`, `heading` and `follows` of this frame."""
+) -> dict[str, Array]:
+    """`desired`, `waypoint`, `facing`, `heading` and `follows` of this frame: fields of the state."""
     if layout.turns:
         state = _turned(params.events, character, state)
     if herd.waypoints:
@@ -29,7 +29,8 @@ def steer(
     facing = jnp.where(state.follows & (speed2 > 1e-4), asked, state.facing)
     error = controllers.wrap(facing - state.heading)
     most = params.control.turn_rate * layout.dt
-    return dataclasses.replace(state, facing=facing, heading=state.heading + jnp.clip(error, -most, most))
+    heading = state.heading + jnp.clip(error, -most, most)
+    return dict(desired=state.desired, waypoint=state.waypoint, follows=state.follows, facing=facing, heading=heading)
 
 
 def heading_velocity(state: State) -> Array:

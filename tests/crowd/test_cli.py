@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import functools
 import importlib
 import io
 import json
@@ -218,7 +219,10 @@ def test_interrupt_ends_with_130_and_leaves_a_readable_recording(small: Path) ->
 
     command = [sys.executable, "-m", "crowd", "run", str(small), "--out", "out", "--seconds", "3600"]
     environment = os.environ | {"PYTHONPATH": str(REPOSITORY)}
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=small.parent, env=environment) as running:
+    listens = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # also where the tests run deaf to it
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, cwd=small.parent, env=environment, preexec_fn=listens
+    ) as running:
         assert running.stderr is not None
         for line in running.stderr:
             if "frames/s" in line:
