@@ -74,8 +74,5 @@ def step(
             previous = moved
     with jax.named_scope("record"):
         rotation = record.joint_rotations(layout, herd, hung, transforms, wall)
-        frame = wall(
-            lambda s, p, h, g, r, f: record.frame(layout, s, p, h, g, r, f),
-            state, place, hung, legs, rotation, load,
-        )  # fmt: skip
+        frame = record.frame(layout, state, place, hung, legs, rotation, load, wall)
     return dataclasses.replace(state, frame=state.frame + 1, previous=previous), frame

@@ -41,25 +41,31 @@ def frame(
     legs: Feet,
     joint_rotation: Array,
     load: Load,
+    wall: Wall,
 ) -> Frame:
     """The recorded view of a frame."""
-    at = state.position
-    orientation = hung.orientation
-    joint_translation = hung.translation if layout.record_pose else jnp.zeros((3, 0, *at.shape[1:]), at.dtype)
-    lowered = jnp.stack([jnp.zeros_like(legs.drop), legs.drop, jnp.zeros_like(legs.drop)])
-    place_w = at[:, None]
+    none = jnp.zeros((3, 0, *state.phase.shape), load.force.dtype)
+    in_world = wall(_in_world, state.position, place, hung, legs, load)
     return Frame(
         drag_force=load.force,
         drag_torque=load.torque,
-        center_of_pressure=load.center_of_pressure + at,
-        depth=jnp.maximum(place.fluid.surface - place.ground, 0.0),
-        ball=legs.ball + place_w,
-        ankle=legs.ankle + place_w,
-        handle=legs.handle + place_w,
         planted=legs.planted,
         over_reach=legs.over_reach,
-        pose_position=hung.position + at - lowered,
-        pose_orientation=orientation,
+        pose_orientation=hung.orientation,
         joint_rotation=joint_rotation,
-        joint_translation=joint_translation,
+        joint_translation=hung.translation if layout.record_pose else none,
+        **in_world,
+    )
+
+
+def _in_world(at: Array, place: Surroundings, hung: Hung, legs: Feet, load: Load) -> dict[str, Array]:
+    """Places in the world, of a character at `at` [3, n]."""
+    lowered = jnp.stack([jnp.zeros_like(legs.drop), legs.drop, jnp.zeros_like(legs.drop)])
+    return dict(
+        center_of_pressure=load.center_of_pressure + at,
+        depth=jnp.maximum(place.fluid.surface - place.ground, 0.0),
+        ball=legs.ball + at[:, None],
+        ankle=legs.ankle + at[:, None],
+        handle=legs.handle + at[:, None],
+        pose_position=hung.position + at - lowered,
     )
