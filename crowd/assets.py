@@ -22,6 +22,7 @@ class HerdAssets:
     duty: Array  # [K, L, 1]
     rest: Array  # [K, 2, L, 1] m, (x, z) of the contact point at mid-stance
     idle_rest: Array  # [2, L, 1] m, where the feet stand
+    most_stride: Array  # [K] m, longest stride that the legs reach; faster walks step quicker instead
     swing_height: Array  # [L * K * samples] m, contact point over swing progress
     ball_offset: Array  # [3, L, 1] m, contact point in the frame of the ball joint
     bend: Array  # [3, L, 1] unit, mean direction in which the knee bends, character frame

@@ -17,6 +17,7 @@ from crowd.tree import StaticArray
 from crowd.types import Archetype, Clip, Mesh
 from kernels.drag import RigidMesh
 
+CROUCH = 0.85  # of the hips' rest height: how low the body comes for a long stride
 BLOCK = 16  # triangles per block of the rigid mesh
 MOVING = 1e-4  # m: a joint whose translation varies less is rigid
 
@@ -74,6 +75,7 @@ def herd_assets(herd: HerdScene) -> HerdAssets:
         duty=_array(np.stack([gait.duty for gait in gaits])[..., None]),
         rest=_array(np.stack([gait.rest.T for gait in gaits])[..., None]),
         idle_rest=_array(stand.mean(0)[:, [0, 2]].T[..., None]),
+        most_stride=_array(np.array([_most_stride(rig, gait, at_rest) for gait in gaits])),
         swing_height=_array(np.stack([gait.swing_height.T for gait in gaits], 1).reshape(-1)),
         ball_offset=_array(offsets.T[..., None]),
         bend=_array(_bend(rig, gaits).T[..., None]),
@@ -129,6 +131,27 @@ def _unwrapped(lifts: list[np.ndarray]) -> np.ndarray:
     for lift in lifts[1:]:
         out.append(lift + np.round(out[-1] - lift))
     return np.stack(out)
+
+
+def _most_stride(rig: Archetype, gait: Gait, at_rest: np.ndarray) -> float:
+    """m, longest stride whose stances every leg reaches from hips at CROUCH of their height; at least the clip's own.
+
+    A foot travels duty x stride under its hip; half of that, the hip's height above the ankle and the leg's two bones
+    make a triangle.
+    """
+    longest = []
+    for number, leg in enumerate(rig.legs):
+        bones = _length(at_rest, leg.hip, leg.knee, leg.ankle)
+        upright = CROUCH * at_rest[leg.hip, 1] - max(at_rest[leg.ankle, 1], 0.0)
+        reach = 2.0 * np.sqrt(max(bones**2 - max(upright, 0.0) ** 2, 0.0))
+        lands = gait.contact_point[_sample(gait.touchdown[number], gait), number, 2]
+        lifts = gait.contact_point[_sample(gait.lift[number], gait), number, 2]
+        longest.append(max(reach, 1.05 * (lands - lifts)) / gait.duty[number])
+    return float(max(min(longest), 1e-3))
+
+
+def _sample(phase: float, gait: Gait) -> int:
+    return round(phase * len(gait.contact_point)) % len(gait.contact_point)
 
 
 def _bend(rig: Archetype, gaits: tuple[Gait, ...]) -> np.ndarray:

@@ -80,7 +80,7 @@ def analyse(archetype: Archetype, clip: Clip, samples: int = 64) -> Gait:
         notes.insert(0, f"clip '{clip.name}' holds {strides} strides; their mean is used")
     lift, duty = _intervals(planted)
     speed = clip.speed if clip.speed is not None else _stance_speed(contact, planted, direction, period)
-    rest = np.stack([contact[planted[:, leg], leg][:, [0, 2]].mean(0) for leg in range(len(archetype.legs))])
+    rest = np.stack([_middle(contact[planted[:, leg], leg][:, [0, 2]]) for leg in range(len(archetype.legs))])
     start = lift[0] * FINE
     at = start + np.arange(samples) / samples * FINE
     table_q, table_t = resample_rotation(rotation, at, True), resample(translation, at, True)
@@ -111,6 +111,11 @@ def feet(archetype: Archetype, rotation: np.ndarray, translation: np.ndarray) ->
     offset = np.array([leg.ball_offset for leg in archetype.legs])
     ankle = [leg.ankle for leg in archetype.legs]
     return joint_p[:, ball] + posing.rotate(joint_q[:, ball], offset), joint_p[:, ankle]
+
+
+def _middle(path: np.ndarray) -> np.ndarray:
+    """[2] half-way between the ends of a planted foot's path; its mean would lie where a body that pauses pauses."""
+    return 0.5 * (path.min(0) + path.max(0))
 
 
 def leg_lengths(archetype: Archetype) -> np.ndarray:

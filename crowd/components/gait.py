@@ -29,6 +29,7 @@ class Mix(NamedTuple):
     lift: Array  # [L, n]
     duty: Array  # [L, n]
     rest: Array  # [2, L, n] m
+    most_stride: Array  # [n] m
 
 
 def mix(herd: HerdLayout, assets: HerdAssets, character: Character, state: State) -> Mix:
@@ -50,6 +51,7 @@ def mix(herd: HerdLayout, assets: HerdAssets, character: Character, state: State
         blended(assets.lift),
         blended(assets.duty),
         blended(assets.rest) * character.scale,
+        blended(assets.most_stride) * character.scale,
     )
 
 
@@ -114,9 +116,11 @@ def _pace(
     speed = jnp.sqrt(state.smoothed[0] ** 2 + state.smoothed[1] ** 2 + TINY)
     walking = (speed > control.stand_ratio * blend.speed) & (state.fault == 0)
     cadence = stepping.cadence(layout.schedule, pace / blend.speed, desired / blend.speed) / blend.period
+    cadence = jnp.maximum(cadence, pace / blend.most_stride)  # legs too short for the stride step quicker
     # gradients through the moments of steps mislead (events slide across frames): steps keep their times
     cadence = jax.lax.stop_gradient(cadence)
-    cycle = blend.speed * blend.period / pace if layout.schedule == "paper" else 1.0 / cadence
+    printed = jnp.minimum(blend.speed * blend.period, blend.most_stride) / pace
+    cycle = printed if layout.schedule == "paper" else 1.0 / cadence
     share = controllers.low_pass(dt, 0.5 * control.filter_time)
     return _Pace(
         advance=jnp.where(walking, cadence * dt, 0.0),
