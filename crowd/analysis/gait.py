@@ -22,6 +22,7 @@ FINE = 240  # samples per cycle used for detection; divisible by every stride co
 REACH = 5  # samples to either side used for a velocity
 SWING_SAMPLES = 33
 MOST_STRIDES = 6
+SLOW = 0.7  # Froude number v^2 / (g leg); people and animals run above about 0.5, mimics of walks stay below
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +79,9 @@ def analyse(archetype: Archetype, clip: Clip, samples: int = 64) -> Gait:
     planted, direction, notes = _stances(archetype, contact, lengths, period, clip.speed)
     if strides > 1:
         notes.insert(0, f"clip '{clip.name}' holds {strides} strides; their mean is used")
+    pace = clip.speed if clip.speed is not None else _stance_speed(contact, planted, direction, period)
+    if clip.role == "walk" and pace**2 < SLOW * 9.81 * lengths.mean() and _unsupported(planted, notes):
+        planted = _widened(planted, contact[..., 1])
     lift, duty = _intervals(planted)
     speed = clip.speed if clip.speed is not None else _stance_speed(contact, planted, direction, period)
     rest = np.stack([_middle(contact[planted[:, leg], leg][:, [0, 2]]) for leg in range(len(archetype.legs))])
@@ -111,6 +115,30 @@ def feet(archetype: Archetype, rotation: np.ndarray, translation: np.ndarray) ->
     offset = np.array([leg.ball_offset for leg in archetype.legs])
     ankle = [leg.ankle for leg in archetype.legs]
     return joint_p[:, ball] + posing.rotate(joint_q[:, ball], offset), joint_p[:, ankle]
+
+
+def _unsupported(planted: np.ndarray, notes: list[str]) -> bool:
+    """Whether a walk leaves its body unsupported: a walking foot lands by its heel, before its contact point does."""
+    alone = planted.any(1).mean() < 0.98
+    if alone:
+        notes.append("a walk whose contact points leave the body unsupported; their stances were widened")
+    return bool(alone)
+
+
+def _widened(planted: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """Stances grown at whichever end the foot is lower until some foot is always planted."""
+    out = planted.copy()
+    runs = [list(_longest_run(out[:, leg])) for leg in range(out.shape[1])]
+    while not out.any(1).all() and out.mean(0).min() < 0.6:
+        for leg, run in enumerate(runs):
+            before, behind = (run[0] - 1) % FINE, (run[0] + run[1]) % FINE
+            if height[before, leg] < height[behind, leg]:
+                run[0], grown = before, before
+            else:
+                grown = behind
+            run[1] += 1
+            out[grown, leg] = True
+    return out
 
 
 def _middle(path: np.ndarray) -> np.ndarray:

@@ -87,6 +87,19 @@ def test_lift_duty_speed_rest(case: str) -> None:
     assert not found.notes
 
 
+def test_slow_walk_is_always_supported() -> None:
+    """Soft feet touch down for a third of a slow cycle; some foot is planted at every moment all the same."""
+    body = legged(BIPED)
+    found = gait.analyse(body, stepping(body, [0.1, 0.6], [0.33, 0.33], 1.0, 1.6))
+    at = np.linspace(0, 1, 200, endpoint=False)[:, None]
+    planted = np.mod(at - found.touchdown, 1.0) < found.duty + 0.01
+    assert planted.any(1).all()
+    assert found.duty.min() > 0.48 and found.duty.max() < 0.6
+    assert any("unsupported" in note for note in found.notes)
+    running = gait.analyse(body, stepping(body, [0.1, 0.6], [0.33, 0.33], 2.4, 0.7))
+    assert running.duty.max() < 0.42
+
+
 def test_tables_start_at_lift_off_and_swing_height_is_zero_at_its_ends() -> None:
     body = legged(BIPED)
     found = gait.analyse(body, stepping(body, [0.37, 0.87], [0.6, 0.6], 1.3), samples=100)
