@@ -18,7 +18,9 @@ from kernels.vec import TINY, dot, smoothstep, unit
 from kernels.wall import Wall
 
 FADE = 0.3  # of the arm's length: depth of the hand over which the response fades in
-ASIDE = 0.45  # of the arm's length: how far hands move outward, so that forearms lie level
+ELBOW_UP = 0.3  # against 1 outward: which way a raised elbow points
+HAND = 0.25  # of the arm's length (shoulder to wrist): how far a hanging hand reaches below its wrist
+ASIDE = 0.65  # of the arm's length: how far hands move outward, so that forearms lie level
 
 
 class _Goal(NamedTuple):
@@ -69,7 +71,7 @@ def _goal(
     position = transforms[4:]
     shoulder, elbow, hand = (position[:, np.array(j)] - down for j in (herd.shoulders, herd.elbows, herd.hands))
     size = assets.arm_length * character.scale
-    level = jnp.maximum(surface, -1e3) + params.control.arm_margin
+    level = jnp.maximum(surface, -1e3) + params.control.arm_margin + HAND * size
     lowest = jnp.minimum(hand[1], elbow[1])
     response = smoothstep((level - lowest + 0.25 * FADE * size) / (FADE * size))
     short = level - hand[1]
@@ -79,7 +81,7 @@ def _goal(
     goal = goal.at[1].add(rise * response)
     upper, reach = elbow - shoulder, hand - shoulder
     bent = upper - dot(upper, reach) / (dot(reach, reach) + TINY) * reach
-    raised = outward.at[1].add(1.0) * size
+    raised = outward.at[1].add(ELBOW_UP) * size
     pole = bent + (raised - bent) * response + 0.02 * size * outward
     return _Goal(shoulder, upper, hand - elbow, goal, pole, response)
 
