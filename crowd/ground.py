@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from crowd.errors import fail
 from crowd.ground_files import read_heights
@@ -100,6 +99,8 @@ def _height_map(model: HeightMap, folder: Path) -> Ground:
     heights = read.heights
     missing = np.isnan(heights)
     if missing.any():
+        from scipy.ndimage import distance_transform_edt
+
         nearest_cell = distance_transform_edt(missing, return_distances=False, return_indices=True)
         heights = heights[tuple(np.asarray(nearest_cell))]
         notes.append(f"{path.name}: {missing.sum():,} of {missing.size:,} cells have no height; the nearest is used")
