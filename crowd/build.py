@@ -80,7 +80,6 @@ def _layout(scene: Scene, walls: bool) -> Layout:
         ground=scene.terrain.kind,
         ground_shape=grid.shape if grid is not None else (1, 1),  # pyright: ignore[reportArgumentType]
         regions=len(scenario.world.fluids),
-        impulses=impulses,
         turns=len(scenario.events) - impulses,
         footsteps=scenario.gait == "footsteps",
         schedule=scenario.schedule,

@@ -82,7 +82,6 @@ class Layout:
     ground: Kind
     ground_shape: tuple[int, int]  # rows and columns of a grid, (1, 1) for profiles
     regions: int  # fluid regions; 0: the drag components are absent
-    impulses: int
     turns: int  # events that change the desired velocity
     footsteps: bool  # False: the clip plays, and skates
     schedule: Schedule

@@ -8,11 +8,13 @@ import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from crowd import check, compile_cache
 from crowd.errors import fail
+from crowd.layout import TILE
 from crowd.progress import Progress
 from crowd.recording import Recorder
 from crowd.scenario import Scenario
@@ -20,9 +22,16 @@ from crowd.scenario import load as load_scenario
 from crowd.scene import Scene
 from crowd.scene import load as load_scene
 from crowd.simulate import Chunk, stream
+from crowd.state import FAULT_NAMES
 
 RECORDING, METRICS, REPORT = "recording.zarr", "metrics.csv", "report"
-TILE = 128
+
+
+class Faults(NamedTuple):
+    """Of a herd's n characters: fault bits, and the recorded time of the first (inf: none)."""
+
+    code: np.ndarray  # [n]
+    since: np.ndarray  # [n] s
 
 
 @dataclass(frozen=True)
@@ -50,7 +59,7 @@ def run_scenario(request: Request) -> Path:
     _refuse_too_large(found, out)
     _announce(scene, found, frames, devices)
     fault = _step(scene, frames, devices, out)
-    _report_faults(scene, fault)
+    _report_faults(fault)
     _evaluate(scene, out)
     return out
 
@@ -127,9 +136,9 @@ def _announce(scene: Scene, found: check.Needs, frames: int, devices: int) -> No
     )
 
 
-def _step(scene: Scene, frames: int, devices: int, out: Path) -> dict[str, np.ndarray]:
-    """Steps and records; returns each herd's last fault codes. The folder is made when the first frames are there."""
-    fault: dict[str, np.ndarray] = {}
+def _step(scene: Scene, frames: int, devices: int, out: Path) -> dict[str, Faults]:
+    """Steps and records; returns each herd's faults. The folder is made when the first frames are there."""
+    fault: dict[str, Faults] = {}
     with Progress(frames, scene.scenario.rate_hz, scene.count) as progress:
         chunks = stream(scene, frames, devices)
         first = next(chunks)
@@ -140,20 +149,30 @@ def _step(scene: Scene, frames: int, devices: int, out: Path) -> dict[str, np.nd
     return fault
 
 
-def _record(recorder: Recorder, chunk: Chunk, progress: Progress, fault: dict[str, np.ndarray]) -> None:
+def _record(recorder: Recorder, chunk: Chunk, progress: Progress, fault: dict[str, Faults]) -> None:
     recorder.append(chunk)
     for name, arrays in chunk.herds.items():
         if len(chunk.time):
-            fault[name] = arrays["fault"][-1]
+            codes = arrays["fault"]
+            here = np.where(codes.any(0), chunk.time[np.argmax(codes != 0, axis=0)], np.inf)
+            before = fault[name].since if name in fault else np.inf
+            fault[name] = Faults(codes[-1], np.minimum(before, here))
     progress.advance(chunk.first_frame + chunk.frames)
 
 
-def _report_faults(scene: Scene, fault: dict[str, np.ndarray]) -> None:
-    for herd in scene.herds:
-        bad = np.flatnonzero(fault.get(herd.name, np.zeros(0)))
+def _report_faults(fault: dict[str, Faults]) -> None:
+    """A line for each herd with frozen characters: which, from when, and what stopped being finite."""
+    for name, faults in fault.items():
+        bad = np.flatnonzero(faults.code)
+        shown = ", ".join(
+            f"{number} (from {faults.since[number]:.2f} s: "
+            + " and ".join(what for bit, what in FAULT_NAMES.items() if faults.code[number] & bit)
+            + ")"
+            for number in bad[:10]
+        )
         if len(bad):
-            shown = ", ".join(str(number) for number in bad[:10]) + (", ..." if len(bad) > 10 else "")
-            print(f"warning: {len(bad)} of {herd.count} characters of '{herd.name}' were frozen by a fault: {shown}")
+            more = ", ..." if len(bad) > 10 else ""
+            print(f"warning: {len(bad)} of {len(faults.code)} characters of '{name}' were frozen: {shown}{more}")
 
 
 def _evaluate(scene: Scene, out: Path) -> None:

@@ -8,8 +8,8 @@ from jax import Array
 from crowd.layout import HerdLayout, Layout
 from crowd.tree import pytree
 
-FAULT_BODY, FAULT_DRAG, FAULT_POSE = 1, 2, 4  # sticky bits: which quantity stopped being finite
-FAULT_NAMES = {FAULT_BODY: "body", FAULT_DRAG: "drag", FAULT_POSE: "pose"}
+FAULT_BODY, FAULT_DRAG = 1, 2  # sticky bits: which quantity stopped being finite
+FAULT_NAMES = {FAULT_BODY: "position, velocity or heading", FAULT_DRAG: "drag"}
 
 
 @pytree

@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 
 from crowd.assets import HerdAssets
-from crowd.components.feet import Segments
+from crowd.components.feet import Segments, lowered
 from crowd.layout import HerdLayout
 from crowd.params import Character, Params
 from crowd.state import State
@@ -67,9 +67,8 @@ def _goal(
     drop: Array,
     surface: Array,
 ) -> _Goal:
-    down = jnp.stack([jnp.zeros_like(drop), drop, jnp.zeros_like(drop)])[:, None]
-    position = transforms[4:]
-    shoulder, elbow, hand = (position[:, np.array(j)] - down for j in (herd.shoulders, herd.elbows, herd.hands))
+    position = lowered(transforms[4:], drop)
+    shoulder, elbow, hand = (position[:, np.array(j)] for j in (herd.shoulders, herd.elbows, herd.hands))
     size = assets.arm_length * character.scale
     level = jnp.maximum(surface, -1e3) + params.control.arm_margin + HAND * size
     lowest = jnp.minimum(hand[1], elbow[1])
@@ -107,13 +106,12 @@ def _turns(goal: _Goal, elbow: Array, hand: Array) -> tuple[Array, Array]:
 
 
 def _segments(goal: _Goal, turns: tuple[Array, Array], drop: Array) -> Segments:
-    down = jnp.stack([jnp.zeros_like(drop), drop, jnp.zeros_like(drop)])[:, None]
     upper, lower = turns
     elbow = goal.shoulder + quat.rotate(upper, goal.upper)
     hand = elbow + quat.rotate(lower, goal.lower)
     before = goal.shoulder + goal.upper
     return Segments(
         jnp.concatenate([upper, lower, lower], 1),
-        jnp.concatenate([goal.shoulder, before, before + goal.lower], 1) + down,
+        lowered(jnp.concatenate([goal.shoulder, before, before + goal.lower], 1), -drop),
         jnp.concatenate([goal.shoulder, elbow, hand], 1),
     )

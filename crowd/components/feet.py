@@ -123,11 +123,11 @@ def _reached(assets: HerdAssets, state: State, goal: _Goal, drop: Array) -> tupl
     upper = jnp.sqrt(dot(goal.upper, goal.upper) + TINY)
     lower = jnp.sqrt(dot(goal.lower, goal.lower) + TINY)
     pole = _pole(assets, state, goal.upper, goal.upper + goal.lower, upper + lower)
-    return ik.two_bone(_down(goal.hip, drop), goal.contact + goal.foot, pole, upper, lower)
+    return ik.two_bone(lowered(goal.hip, drop), goal.contact + goal.foot, pole, upper, lower)
 
 
 def _segments(goal: _Goal, drop: Array, knee: Array, reached: Array) -> Segments:
-    hip = _down(goal.hip, drop)
+    hip = lowered(goal.hip, drop)
     knee_before = goal.hip + goal.upper
     return Segments(
         jnp.concatenate(
@@ -143,8 +143,8 @@ def _segments(goal: _Goal, drop: Array, knee: Array, reached: Array) -> Segments
     )
 
 
-def _down(position: Array, drop: Array) -> Array:
-    """Positions [3, L, n] of a body that came down by `drop` [n]."""
+def lowered(position: Array, drop: Array) -> Array:
+    """Positions [3, k, n] of a body that came down by `drop` [n]."""
     return position - jnp.stack([jnp.zeros_like(drop), drop, jnp.zeros_like(drop)])[:, None]
 
 

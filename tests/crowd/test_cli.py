@@ -320,3 +320,16 @@ def test_bench_outside_a_checkout_is_refused(monkeypatch: pytest.MonkeyPatch, tm
     done = crowd("bench")
     assert done.exit_code == 2
     assert "part of a checkout" in done.stderr
+
+
+def test_frozen_characters_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    run = importlib.import_module("crowd.run")
+    codes = np.array([0, 1, 0, 3])
+    run._report_faults(
+        {"people": run.Faults(codes, np.array([np.inf, 0.5, np.inf, 1.25])), "dogs": run.Faults(codes * 0, codes)}
+    )
+    said = capsys.readouterr().out
+    assert said.count("\n") == 1
+    assert "2 of 4 characters of 'people'" in said
+    assert "1 (from 0.50 s: position, velocity or heading)" in said
+    assert "3 (from 1.25 s: position, velocity or heading and drag)" in said
