@@ -75,7 +75,7 @@ def herd_assets(herd: HerdScene) -> HerdAssets:
         duty=_array(np.stack([gait.duty for gait in gaits])[..., None]),
         rest=_array(np.stack([gait.rest.T for gait in gaits])[..., None]),
         idle_rest=_array(stand.mean(0)[:, [0, 2]].T[..., None]),
-        most_stride=_array(np.array([_most_stride(rig, gait, at_rest) for gait in gaits])),
+        most_stride=_array(np.array([most_stride(rig, gait) for gait in gaits])),
         swing_height=_array(np.stack([gait.swing_height.T for gait in gaits], 1).reshape(-1)),
         ball_offset=_array(offsets.T[..., None]),
         bend=_array(_bend(rig, gaits).T[..., None]),
@@ -133,12 +133,13 @@ def _unwrapped(lifts: list[np.ndarray]) -> np.ndarray:
     return np.stack(out)
 
 
-def _most_stride(rig: Archetype, gait: Gait, at_rest: np.ndarray) -> float:
+def most_stride(rig: Archetype, gait: Gait) -> float:
     """m, longest stride whose stances every leg reaches from hips at CROUCH of their height; at least the clip's own.
 
     A foot travels duty x stride under its hip; half of that, the hip's height above the ankle and the leg's two bones
     make a triangle.
     """
+    _, at_rest = posing.world_transforms(rig.skeleton, posing.rest_motion(rig.skeleton))
     longest = []
     for number, leg in enumerate(rig.legs):
         bones = _length(at_rest, leg.hip, leg.knee, leg.ankle)

@@ -6,6 +6,7 @@ import numpy as np
 
 from crowd import ground
 from crowd.analysis.gait import feet
+from crowd.herd_assets import most_stride
 from crowd.layout import Layout
 from crowd.scene import HerdScene, Scene
 
@@ -87,6 +88,8 @@ def _feet(
     rest = np.stack([g.rest for g in herd.gaits])[gait].transpose(2, 1, 0) * herd.scale
     ratio = np.clip(np.hypot(*desired) / own, 0.1, 2.0)
     stride = desired * period / ratio**0.25
+    most = np.array([most_stride(herd.archetype, g) for g in herd.gaits])[gait] * herd.scale
+    stride = stride * np.minimum(1.0, most / np.maximum(np.hypot(*stride), 1e-9))
     stand = _standing_feet(herd)[..., None] * herd.scale
     rest = np.where(moving, rest, stand)
     sin, cos = np.sin(herd.headings), np.cos(herd.headings)
