@@ -9,6 +9,28 @@ from kernels.drag import RigidMesh
 
 
 @pytree
+class StrideAssets:
+    """The analysed motions of one archetype. M motions, L legs; angles in radians, times in cycles since stance."""
+
+    velocity: Array  # [2, M] m/s, (x, z) in the character frame
+    speed: Array  # [M] m/s
+    frequency: Array  # [M] 1/s of walk cycles, 0 for grounded motions
+    rate: Array  # [M] 1/s of grounded motions' own clocks
+    keys: Array  # [6, M, L, 1] lift, liftoff, postlift, preland, strike, land
+    stance_cos: Array  # [M, L, 1] of 2 pi stance time
+    stance_sin: Array  # [M, L, 1]
+    stance: Array  # [3, M, L, 1] m, heel end of the footbase at stance
+    foot: Array  # [3, M, L, 1] m, heel to toe end at stance, level
+    flight: Array  # [M * L * samples, 3] normalised footbase from liftoff to strike (kernels.flight.trajectory)
+    heel: Array  # [3, L, 1] m, in the frame of the ankle
+    toe: Array  # [3, L, 1] m, in the frame of the ball
+    length: Array  # [L, 1] m, of the feet
+    reach: Array  # [L, 1] m, of the legs, hip to ankle along the bones
+    pivot: Array  # [3, 1] m, mean of the hips in the rest pose
+    extra_rate: Array  # [extras] 1/s of the other clips
+
+
+@pytree
 class HerdAssets:
     """One archetype. J joints, L legs, K gaits, S samples, V vertices."""
 
@@ -32,6 +54,7 @@ class HerdAssets:
     skin_local: Array  # [influences, 4, V]
     rigid_mesh: RigidMesh
     waypoints: Array  # [2, W, 1] m
+    strides: StrideAssets | None  # semi-procedural only
 
 
 @pytree

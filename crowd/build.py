@@ -14,7 +14,8 @@ from crowd.layout import TILE, Layout
 from crowd.params import Character, Control, Events, Fluids, Params, Sigmoid
 from crowd.scenario_world import Sigmoid as SigmoidModel
 from crowd.scene import HerdScene, Scene, by_priority
-from crowd.state import State
+from crowd.state import Footsteps, State, Strides
+from crowd.stride_assets import stride_control
 
 Program = tuple[Layout, Assets, Params, tuple[State, ...]]
 
@@ -44,11 +45,19 @@ def build(scene: Scene, devices: int = 1, walls: bool = True, tile: int = TILE) 
         fluids=_fluids(scene),
         control=_control(),
         events=_events(scene),
+        strides=tuple(stride_control(herd) for herd in scene.herds) if layout.gait == "semi_procedural" else (),
         characters=tuple(Character(**_tiled(_character(scene, herd), devices, tile)) for herd in scene.herds),
     )
-    states = tuple(State(**_tiled(initial_state(scene, herd, layout), devices, tile)) for herd in scene.herds)
+    states = tuple(_state(scene, herd, layout, devices, tile) for herd in scene.herds)
     assets, params, states = jax.device_put((assets, params, states))
     return layout, assets, params, states
+
+
+def _state(scene: Scene, herd: HerdScene, layout: Layout, devices: int, tile: int) -> State:
+    fields = initial_state(scene, herd, layout)
+    gait = _tiled(fields.pop("gait"), devices, tile)
+    kind = Strides if layout.gait == "semi_procedural" else Footsteps
+    return State(gait=kind(**gait), **_tiled(fields, devices, tile))
 
 
 def tiled(values: np.ndarray, devices: int, tile: int) -> np.ndarray:
@@ -81,7 +90,9 @@ def _layout(scene: Scene, walls: bool) -> Layout:
         ground_shape=grid.shape if grid is not None else (1, 1),  # pyright: ignore[reportArgumentType]
         regions=len(scenario.world.fluids),
         turns=len(scenario.events) - impulses,
-        footsteps=scenario.gait == "footsteps",
+        gait=scenario.gait,
+        bands=scenario.bands,
+        compat=scenario.compat,
         schedule=scenario.schedule,
         mesh=scenario.drag.mesh,
         submersion=scenario.drag.submersion,
@@ -97,7 +108,20 @@ def _layout(scene: Scene, walls: bool) -> Layout:
 def _world(scene: Scene) -> World:
     ground = scene.terrain
     grid = ground.grid if ground.grid is not None else np.zeros((1, 1))
-    return World(*(_f32(v) for v in (ground.parameters, ground.axis, grid.reshape(-1), ground.origin, ground.cell)))
+    return World(
+        *(
+            _f32(v)
+            for v in (
+                ground.parameters,
+                ground.axis,
+                grid.reshape(-1),
+                ground.origin,
+                ground.cell,
+                np.array(1.0),
+                np.array(0.5),
+            )
+        )
+    )
 
 
 def _f32(values: np.ndarray | float) -> Any:

@@ -13,6 +13,7 @@ from crowd.assets import HerdAssets
 from crowd.layout import HerdLayout
 from crowd.resampling import resample, resample_rotation
 from crowd.scene import SAMPLES, HerdScene
+from crowd.stride_assets import FLIGHT_SAMPLES, chains, motion_layout, stride_assets
 from crowd.tree import StaticArray
 from crowd.types import Archetype, Clip, Mesh
 from kernels.drag import RigidMesh
@@ -26,6 +27,7 @@ def herd_layout(herd: HerdScene) -> HerdLayout:
     """Topology and capacities of a herd."""
     rig = herd.archetype
     mesh = rig.mesh
+    strides = bool(herd.motions)
     waypoints = herd.model.waypoints
     return HerdLayout(
         name=herd.name,
@@ -41,6 +43,10 @@ def herd_layout(herd: HerdScene) -> HerdLayout:
         hands=tuple(arm.hand for arm in rig.arms),
         moving=tuple(int(joint) for joint in np.flatnonzero(_moving(herd))),
         gaits=len(herd.gaits),
+        motions=motion_layout(herd),
+        extras=tuple(clip.cyclic for clip in herd.extras) if strides else (),
+        chain=chains(herd),
+        flight_samples=FLIGHT_SAMPLES,
         samples=SAMPLES,
         swing_samples=len(herd.gaits[0].swing_height),
         triangles=StaticArray(mesh.triangles.astype(np.int32)),
@@ -54,9 +60,8 @@ def herd_layout(herd: HerdScene) -> HerdLayout:
 def herd_assets(herd: HerdScene) -> HerdAssets:
     """Device tables of a herd; shapes are those of `herd_layout`."""
     rig, gaits = herd.archetype, herd.gaits
-    idle_rotation, idle_translation = _idle_tables(herd.idle)
-    rotation = [gait.rotation for gait in gaits] + [idle_rotation]
-    translation = [gait.translation for gait in gaits] + [idle_translation]
+    idle_rotation, idle_translation = _clip_tables(herd.idle)
+    poses = _poses(herd)
     _, at_rest = posing.world_transforms(rig.skeleton, posing.rest_motion(rig.skeleton))
     stand, _ = feet(rig, idle_rotation, idle_translation)
     arm_length = max([_length(at_rest, arm.shoulder, arm.elbow, arm.hand) for arm in rig.arms], default=1.0)
@@ -66,8 +71,8 @@ def herd_assets(herd: HerdScene) -> HerdAssets:
     waypoints = herd.model.waypoints.points_m if herd.model.waypoints else np.zeros((0, 2))
     return HerdAssets(
         rest_translation=_array(rig.skeleton.rest_translation.T[..., None]),
-        rotation_table=_array(np.concatenate(_one_hemisphere(rotation)).transpose(2, 1, 0)),
-        translation_table=_array(np.concatenate(translation)[:, _moving(herd)].transpose(2, 1, 0)),
+        rotation_table=_array(np.concatenate(_one_hemisphere([q for q, _ in poses])).transpose(2, 1, 0)),
+        translation_table=_array(np.concatenate([t for _, t in poses])[:, _moving(herd)].transpose(2, 1, 0)),
         idle_rate=_array(np.array(1.0 / herd.idle.duration)),
         period=_array(np.array([gait.period for gait in gaits])),
         speed=_array(np.array([gait.speed for gait in gaits])),
@@ -85,6 +90,7 @@ def herd_assets(herd: HerdScene) -> HerdAssets:
         skin_local=_array(_influences(rig.mesh)[1]),
         rigid_mesh=_blocks(rig.mesh)[1],
         waypoints=_array(np.asarray(waypoints, float).reshape(-1, 2).T[..., None]),
+        strides=stride_assets(herd) if herd.motions else None,
     )
 
 
@@ -109,13 +115,21 @@ def _partners(rig: Archetype) -> tuple[int, ...]:
 def _moving(herd: HerdScene) -> np.ndarray:
     """[J] joints whose translation leaves the rest pose's somewhere in the clips."""
     rest = herd.archetype.skeleton.rest_translation
-    tables = [gait.translation for gait in herd.gaits] + [herd.idle.translation]
-    return np.any([np.abs(table - rest).max((0, 2)) > MOVING for table in tables], axis=0)
+    return np.any([np.abs(table - rest).max((0, 2)) > MOVING for _, table in _poses(herd)], axis=0)
 
 
-def _idle_tables(idle: Clip) -> tuple[np.ndarray, np.ndarray]:
-    at = np.arange(SAMPLES) * (len(idle.rotation) / SAMPLES)
-    return resample_rotation(idle.rotation, at, True), resample(idle.translation, at, True)
+def _poses(herd: HerdScene) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Rotations [S, J, 4] and translations [S, J, 3] of every clip of the tables, in their order."""
+    if herd.motions:
+        return [motion.pose(SAMPLES) for motion in herd.motions] + [_clip_tables(clip) for clip in herd.extras]
+    return [(gait.rotation, gait.translation) for gait in herd.gaits] + [_clip_tables(herd.idle)]
+
+
+def _clip_tables(clip: Clip) -> tuple[np.ndarray, np.ndarray]:
+    """A clip sampled evenly; one that does not loop ends on its last frame."""
+    count = len(clip.rotation)
+    at = np.arange(SAMPLES) * (count / SAMPLES if clip.cyclic else (count - 1) / (SAMPLES - 1))
+    return resample_rotation(clip.rotation, at, clip.cyclic), resample(clip.translation, at, clip.cyclic)
 
 
 def _one_hemisphere(tables: list[np.ndarray]) -> list[np.ndarray]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from crowd import ground
@@ -9,17 +11,18 @@ from crowd.analysis.gait import feet
 from crowd.herd_assets import most_stride
 from crowd.layout import Layout
 from crowd.scene import HerdScene, Scene
+from crowd.stride_assets import initial_strides
 
 
-def initial_state(scene: Scene, herd: HerdScene, layout: Layout) -> dict[str, np.ndarray]:
-    """Fields of a herd's `State`, not yet in tiles: trailing axis n."""
-    count, legs = herd.count, len(herd.archetype.legs)
+def initial_state(scene: Scene, herd: HerdScene, layout: Layout) -> dict[str, Any]:
+    """Fields of a herd's `State`, not yet in tiles: trailing axis n; `gait` holds those of its gait."""
+    count = herd.count
     zero = np.zeros(count)
     desired, follows = _desired(herd)
-    speed = np.hypot(*desired)
-    gait = _nearest_gait(herd, speed)
-    moving = speed > 0.115 * np.array([g.speed for g in herd.gaits])[gait] * np.sqrt(herd.scale)
-    progress, handle, target = _feet(herd, desired, gait, moving)
+    if layout.gait == "semi_procedural":
+        gait = initial_strides(scene, herd, desired)
+    else:
+        gait = _footsteps(herd, desired)
     x, z = herd.points.T
     mesh = herd.archetype.mesh
     previous = np.zeros((3, len(mesh.vertices), count), np.float32)
@@ -32,7 +35,6 @@ def initial_state(scene: Scene, herd: HerdScene, layout: Layout) -> dict[str, np
         frame=np.zeros(count, np.int32),
         position=np.stack([x, ground.height(scene.terrain, x, z), z]),
         velocity=desired,
-        smoothed=desired,
         desired=desired,
         waypoint=np.full(count, 0 if herd.model.waypoints else -1, np.int32),
         facing=herd.headings,
@@ -42,19 +44,32 @@ def initial_state(scene: Scene, herd: HerdScene, layout: Layout) -> dict[str, np
         yaw_rate=zero,
         pitch=zero,
         pitch_rate=zero,
-        gait_speed=speed,
-        idle=np.where(moving, 0.0, 1.0),
         idle_phase=herd.phase,
         phase=herd.phase,
-        progress=progress.reshape(legs, count),
-        handle=handle,
-        target=target,
-        foot_yaw=np.tile(herd.headings, (legs, 1)),
+        gait=gait,
         force=np.zeros((3, count)),
         torque=np.zeros((2, count)),
         drag_slope=np.zeros((3, count)),
         previous=previous,
         fault=np.zeros(count, np.int32),
+    )
+
+
+def _footsteps(herd: HerdScene, desired: np.ndarray) -> dict[str, np.ndarray]:
+    """Fields of `Footsteps`."""
+    legs, count = len(herd.archetype.legs), herd.count
+    speed = np.hypot(*desired)
+    gait = _nearest_gait(herd, speed)
+    moving = speed > 0.115 * np.array([g.speed for g in herd.gaits])[gait] * np.sqrt(herd.scale)
+    progress, handle, target = _feet(herd, desired, gait, moving)
+    return dict(
+        smoothed=desired,
+        gait_speed=speed,
+        idle=np.where(moving, 0.0, 1.0),
+        progress=progress.reshape(legs, count),
+        handle=handle,
+        target=target,
+        foot_yaw=np.tile(herd.headings, (legs, 1)),
     )
 
 

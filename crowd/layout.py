@@ -13,7 +13,17 @@ from kernels.drag import OffsetMode, Submersion
 from kernels.stepping import Schedule
 from kernels.terrain import Kind
 
+Gait = Literal["semi_procedural", "footsteps", "clip"]
 TILE = 128  # characters per tile; see docs/architecture.md
+
+
+@dataclass(frozen=True)
+class Motion:
+    """An analysed motion of a herd."""
+
+    name: str
+    style: int  # number of its group
+    walks: bool  # a walk cycle; otherwise grounded
 
 
 @dataclass(frozen=True)
@@ -32,7 +42,11 @@ class HerdLayout:
     elbows: tuple[int, ...]
     hands: tuple[int, ...]
     moving: tuple[int, ...]  # joints whose translation is animated
-    gaits: int  # locomotion clips, slowest first; the idle clip follows them in the tables
+    gaits: int  # locomotion clips, slowest first; the idle clip follows them in the tables (footsteps)
+    motions: tuple[Motion, ...]  # semi-procedural: analysed motions, in the order of the tables
+    extras: tuple[bool, ...]  # other clips, after them in the tables; whether each is cyclic
+    chain: tuple[tuple[int, ...], ...]  # joints of each leg that are bent, from hip to ankle, all of one length
+    flight_samples: int
     samples: int  # of every clip's table
     swing_samples: int
     triangles: StaticArray  # [T, 3]
@@ -57,17 +71,16 @@ class HerdLayout:
     def limb_segments(self) -> np.ndarray:
         """[J] segment that carries each joint after inverse kinematics, -1 for none.
 
-        Segments: upper, lower, end of every leg, then of every arm, segment-major within legs and within arms.
+        Segments: every bone of the chain and the foot of every leg, then of every arm, segment-major within legs and within arms.
         """
         segment = np.full(self.joints, -1)
-        legs, arms = self.legs, self.arms
+        legs, arms, parts = self.legs, self.arms, len(self.chain[0]) if self.chain else 0
         starts = {}
-        for i in range(legs):
-            for part, joint in enumerate((self.hips[i], self.knees[i], self.ankles[i])):
-                starts[joint] = part * legs + i
+        for i, chain in enumerate(self.chain):
+            starts |= {joint: part * legs + i for part, joint in enumerate(chain)}
         for i in range(arms):
             for part, joint in enumerate((self.shoulders[i], self.elbows[i], self.hands[i])):
-                starts[joint] = 3 * legs + part * arms + i
+                starts[joint] = parts * legs + part * arms + i
         for joint, parent in enumerate(self.parents):
             segment[joint] = starts.get(joint, segment[parent] if parent >= 0 else -1)
         return segment
@@ -83,7 +96,9 @@ class Layout:
     ground_shape: tuple[int, int]  # rows and columns of a grid, (1, 1) for profiles
     regions: int  # fluid regions; 0: the drag components are absent
     turns: int  # events that change the desired velocity
-    footsteps: bool  # False: the clip plays, and skates
+    gait: Gait
+    bands: Literal["polar", "cartesian"]  # semi-procedural: how motions are weighted
+    compat: bool  # semi-procedural: the original's defects too
     schedule: Schedule
     mesh: Literal["skinned", "rigid"]
     submersion: Submersion

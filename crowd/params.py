@@ -5,6 +5,7 @@ from __future__ import annotations
 from jax import Array
 
 from crowd.tree import pytree
+from kernels.body_tilt import Tilt
 
 
 @pytree
@@ -48,6 +49,20 @@ class Control:
 
 
 @pytree
+class StrideControl:
+    """Constants of the semi-procedural system, for characters of scale 1 (section 7.1 of its specification)."""
+
+    most_foot_turn: Array  # rad, a foot against the body
+    most_adjustment: Array  # m, of a footbase against the clip
+    least_step: Array  # m, shorter ones are not worth taking
+    longest_cycle: Array  # s
+    most_turn: Array  # rad, of the body in a cycle
+    most_acceleration: Array  # m/s2, harder ones hurry the steps
+    blend_time: Array  # s, over which weights follow the velocity
+    tilt: Tilt
+
+
+@pytree
 class Character:
     """Per character: trailing axis n, in tiles."""
 
@@ -86,4 +101,5 @@ class Params:
     fluids: Fluids
     control: Control
     events: Events
+    strides: tuple[StrideControl, ...]  # per herd; empty for the other gaits
     characters: tuple[Character, ...]  # per herd, [tiles, ..., 128]

@@ -116,7 +116,7 @@ class Recorder:
         data: dict[tuple[str | None, str], np.ndarray] = {(None, "time"): time}
         for herd in self.scene.herds:
             data[herd.name, "time"] = time
-            for name, column in (ROOT | self._herd_columns()).items():
+            for name, column in (ROOT | self._herd_columns(herd)).items():
                 value = np.asarray(chunk.herds.get(herd.name, {}).get(name))
                 shape = (count, *(_sizes(herd)[dim] for dim in column.dims))
                 if value.shape != shape:
@@ -126,8 +126,10 @@ class Recorder:
             data[None, name] = np.concatenate([data.pop((herd.name, name)) for herd in self.scene.herds], 1)
         return data
 
-    def _herd_columns(self) -> dict[str, Column]:
-        return {name: column for name, column in HERD.items() if self.pose or not column.optional}
+    def _herd_columns(self, herd: HerdLike) -> dict[str, Column]:
+        strides = bool(_motions(herd))
+        kept = {name: column for name, column in HERD.items() if self.pose or not column.optional}
+        return {name: column for name, column in kept.items() if strides or not column.strides}
 
     def _create(self, frames: int) -> None:
         """Empty arrays, cut along time as the chunks come."""
@@ -140,7 +142,7 @@ class Recorder:
             group = self._root[herd.name]
             assert isinstance(group, zarr.Group)
             self._arrays.append((_growing_time(group), "time", herd.name))
-            for name, column in self._herd_columns().items():
+            for name, column in self._herd_columns(herd).items():
                 self._arrays.append((_growing(group, name, column, _sizes(herd), span), name, herd.name))
 
     def _write_static(self) -> None:
@@ -172,6 +174,7 @@ class Recorder:
 
 
 CHARACTER_DIM = ("character",)
+KEYS = ("lift", "liftoff", "postlift", "preland", "strike", "land")
 
 
 def config_text(scene: SceneLike) -> str:
@@ -238,7 +241,12 @@ def _refuse_names(scene: SceneLike) -> None:
 
 def _sizes(herd: HerdLike) -> dict[str, int]:
     legs, joints = len(herd.archetype.legs), herd.archetype.skeleton.count
-    return SIZES | {"character": herd.count, "leg": legs, "joint": joints}
+    return SIZES | {"character": herd.count, "leg": legs, "joint": joints, "motion": len(_motions(herd))}
+
+
+def _motions(herd: HerdLike) -> Sequence[Any]:
+    """Analysed motions of a herd; none unless it walks by the semi-procedural system."""
+    return getattr(herd, "motions", ())
 
 
 def _growing(group: zarr.Group, name: str, column: Column, sizes: dict[str, int], span: int) -> zarr.Array:
@@ -304,6 +312,13 @@ def _write_herd(group: zarr.Group, herd: HerdLike, first: int) -> None:
     _labels(group, ("component", "quaternion"))
     _fixed(group, "joint", _strings(skeleton.names), ("joint",))
     _fixed(group, "leg", _strings([leg.name for leg in archetype.legs]), ("leg",))
+    if _motions(herd):
+        _fixed(group, "motion", _strings([motion.name for motion in _motions(herd)]), ("motion",))
+        velocity = np.array([motion.velocity for motion in _motions(herd)])
+        _fixed(group, "motion_velocity", velocity, ("motion", "component"), "m s-1", "of each motion at scale 1")
+        keys = np.array([motion.keytimes for motion in _motions(herd)])
+        _fixed(group, "motion_keys", keys, ("motion", "leg", "key"), "1", "cycles since stance")
+        _fixed(group, "key", _strings(KEYS), ("key",))
     for name, unit in STATIC_UNITS.items():
         value = np.broadcast_to(np.asarray(getattr(herd, name), np.float32), herd.count)
         _fixed(group, name, value, CHARACTER_DIM, unit, STATIC_MEANINGS[name])

@@ -16,6 +16,7 @@ class Column:
     description: str
     dtype: type = np.float32
     optional: bool = False  # left out when the recording does without poses
+    strides: bool = False  # of the semi-procedural gait only
 
 
 SIZES = {"component": 3, "quaternion": 4}
@@ -60,6 +61,26 @@ HERD: dict[str, Column] = {
     "joint_translation": Column(
         ("character", "joint", "component"), "m", "place of each joint in its parent's frame, unscaled", optional=True
     ),
+}
+
+MOTION = ("character", "motion")
+
+# In the group of each herd that walks by the semi-procedural system.
+HERD |= {
+    "heel": Column(LEG_VECTOR, "m", "heel of the posed foot, world", strides=True),
+    "toe": Column(LEG_VECTOR, "m", "tip of the posed foot, world", strides=True),
+    "cycle_time": Column(LEG, "1", "cycles since the leg's stance, as the leg goes", strides=True),
+    "cycle_designated": Column(LEG, "1", "cycles since the leg's stance, by the common clock", strides=True),
+    "parked": Column(LEG, "1", "the leg rests", np.bool_, strides=True),
+    "foot_phase": Column(LEG, "1", "0 stance, 1 lifting, 2 in flight, 3 landing", np.int8, strides=True),
+    "steps": Column(LEG, "1", "steps taken", np.int32, strides=True),
+    "weights": Column(MOTION, "1", "share of every motion in the pose", strides=True),
+    "alignment": Column(CHARACTER, "1", "share of the foot adjustment: 0 as the clips have it", strides=True),
+    "footprint_from": Column(LEG_VECTOR, "m", "heel end of the footprint behind, world", optional=True, strides=True),
+    "footprint_from_direction": Column(LEG_VECTOR, "m", "its heel end to its toe end", optional=True, strides=True),
+    "footprint_to": Column(LEG_VECTOR, "m", "heel end of the footprint ahead, world", optional=True, strides=True),
+    "footprint_to_direction": Column(LEG_VECTOR, "m", "its heel end to its toe end", optional=True, strides=True),
+    "footprint_goal": Column(LEG_VECTOR, "m", "where the footprint ahead is going, world", optional=True, strides=True),
 }
 
 STATIC_UNITS = {"scale": "1", "mass": "kg", "reference_speed": "m s-1"}

@@ -66,8 +66,13 @@ class Scenario(Model):
     duration_s: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=86_400)] | None = None
     frames: Annotated[int, Field(strict=True, ge=1, le=20_000_000)] | None = None
     rate_hz: Annotated[int, Field(strict=True, ge=15, le=240)] = 60
-    gait: Literal["footsteps", "clip"] = "footsteps"
-    """footsteps: feet are planted and legs bend to them. clip: the clip plays, and skates."""
+    gait: Literal["semi_procedural", "footsteps", "clip"] = "semi_procedural"
+    """semi_procedural: analysed clips, blended, feet on predicted prints. footsteps: the step controller of the
+    character-fluid paper. clip: the clip plays, and skates."""
+    bands: Literal["polar", "cartesian"] = "polar"
+    """How clips are weighted over the velocity plane (semi_procedural)."""
+    compat: Flag = False
+    """semi_procedural with the known defects of the original system, to compare numbers."""
     schedule: Literal["paper", "scaled", "mixed", "actual"] = "mixed"
     """How step length and time follow the actual speed."""
     drag: Drag = Drag()

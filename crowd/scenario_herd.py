@@ -133,6 +133,39 @@ class Gains(Model):
     pitch_damping_n_m_s: NotNegative | None = None
 
 
+Angle = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, lt=180)]
+Share = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)]
+
+
+class Locomotion(Model):
+    """Constants of the semi-procedural gait; lengths left out follow from the length of the legs."""
+
+    min_step_m: NotNegative | None = None
+    """Steps shorter than this are not taken: the foot rests (0.2 m for a person)."""
+    max_step_s: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.1, le=10)] = 1.5
+    """Longest leg cycle."""
+    max_step_turn_deg: Angle = 160.0
+    """Most that the body turns in a leg cycle; a resting foot steps when its print has turned by half of this."""
+    max_step_acceleration_m_s2: Positive | None = None
+    """Harder accelerations hurry the steps, up to twice (5 for a person)."""
+    max_foot_turn_deg: Angle = 45.0
+    """Of a foot against the body."""
+    max_adjustment_m: Positive | None = None
+    """Of a foot against the clip (0.5 m for a person)."""
+    blend_s: NotNegative = 0.2
+    """Time over which the weights of clips follow the velocity."""
+    hug_across: Share | None = None
+    """0: the body stays upright on a cross slope, 1: lies along it (by number of legs: 0, 0, 1 for 2, 4, more)."""
+    hug_along: Share | None = None
+    """The same up and down slopes (0, 1, 1)."""
+    climb_tilt: NotNegative | None = None
+    """Lean into climbs."""
+    climb_sensitivity_s_m: NotNegative | None = None
+    accelerate_tilt: NotNegative | None = None
+    """Lean into accelerations."""
+    accelerate_sensitivity_s_m: NotNegative | None = None
+
+
 class Herd(Model):
     """Characters of one archetype."""
 
@@ -154,6 +187,7 @@ class Herd(Model):
     waypoints: Waypoints | None = None
     variation: Variation = Variation()
     gains: Gains = Gains()
+    locomotion: Locomotion = Locomotion()
     arms_up: Flag = True
     """Arms are kept above the surface in deep fluid."""
 

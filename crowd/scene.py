@@ -13,6 +13,7 @@ from crowd import characters, placement
 from crowd import ground as grounds
 from crowd import scenario as scenarios
 from crowd.analysis.gait import Gait, analyse
+from crowd.analysis.motion import Foot, Motion, feet_of, motion_of
 from crowd.errors import InputError, fail
 from crowd.ground import Ground
 from crowd.scenario import Scenario
@@ -32,6 +33,10 @@ class HerdScene:
     archetype: Archetype
     gaits: tuple[Gait, ...]  # slowest first
     idle: Clip
+    motions: tuple[Motion, ...]  # semi-procedural: analysed, in the order of their styles; else none
+    feet: tuple[Foot, ...]
+    style: int  # at the start
+    extras: tuple[Clip, ...]  # other clips that events play
     points: np.ndarray  # [n, 2] m, world (x, z)
     headings: np.ndarray  # [n] rad
     scale: np.ndarray  # [n] factor on lengths
@@ -113,7 +118,17 @@ def _herd(scenario: Scenario, index: int, archetype: Archetype, terrain: Ground)
     grounds.refuse_missing(terrain, points, scenario.where("herds", index, "place"))
     drawn = placement.variation(model, scenario.seed)
     phase = placement.uniforms(scenario.seed, model.name, "phase", model.count, 1)[:, 0]
+    strides = scenario.gait == "semi_procedural"
+    feet = feet_of(archetype)
+    motions = []
+    if strides:
+        motions = [motion_of(archetype, standing(archetype), feet, True)]
+        motions += [motion_of(archetype, c, feet) for c in archetype.clips if c.role in ("walk", "run")]
     return HerdScene(
+        motions=tuple(motions),
+        feet=feet,
+        style=0,
+        extras=(),
         name=model.name,
         model=model,
         archetype=archetype,

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import jax.numpy as jnp
 from jax import Array
 
@@ -13,13 +16,60 @@ FAULT_NAMES = {FAULT_BODY: "position, velocity or heading", FAULT_DRAG: "drag"}
 
 
 @pytree
+class Footsteps:
+    """The footstep controller, and the plain clip. L legs."""
+
+    smoothed: Array  # [2, n] m/s, low-passed velocity that steps follow
+    gait_speed: Array  # [n] m/s, low-passed desired speed that picks the gait
+    idle: Array  # [n] weight of the idle clip
+    progress: Array  # [L, n] of each leg's swing, 1 when planted
+    handle: Array  # [2, L, n] m, world (x, z) of each foot handle
+    target: Array  # [2, L, n] m, where it steps to
+    foot_yaw: Array  # [L, n] rad, of each foot: fixed while planted, towards the body's in the swing
+
+
+@pytree
+class Strides:
+    """The semi-procedural system. M motions, C channels (styles, then other clips), L legs."""
+
+    before: Array  # [3, n] m/s, velocity of the frame before
+    velocity: Array  # [3, n] m/s, smoothed
+    acceleration: Array  # [3, n] m/s2, smoothed
+    turn: Array  # [n] rad/s, smoothed yaw rate
+    facing: Array  # [n] rad, heading asked for in the frame before
+    facing_rate: Array  # [n] rad/s, how fast that turns, smoothed
+    blend: Array  # [M, n] smoothed weights within each style
+    channel: Array  # [C, n] weight of each style and of each other clip
+    channel_goal: Array  # [n] int32, the channel that is faded in
+    channel_rate: Array  # [n] 1/s
+    channel_until: Array  # [n] s left of a clip that ends by itself, inf for styles
+    channel_return: Array  # [n] int32, the style to go back to
+    extra_time: Array  # [n] s, since the latest other clip began
+    designated: Array  # [L, n] cycles since stance, by the clock
+    time: Array  # [L, n] cycles since stance, the leg's own
+    parked: Array  # [L, n] bool
+    phase: Array  # [L, n] int32, of the foot: stance, lift, flight, land (kernels.leg_cycle)
+    steps: Array  # [L, n] int32, taken
+    from_position: Array  # [3, L, n] m, world, heel end of the footprint behind
+    from_yaw: Array  # [L, n] rad
+    from_normal: Array  # [3, L, n]
+    from_foot: Array  # [2, L, n] m, heel to toe (x, z) in the frame of the yaw
+    to_position: Array  # [3, L, n] m, world, of the footprint ahead
+    to_yaw: Array  # [L, n] rad
+    to_normal: Array  # [3, L, n]
+    to_foot: Array  # [2, L, n] m
+    goal: Array  # [3, L, n] m, world, where the footprint ahead is going
+    ground_up: Array  # [3, n] up axis of the plane through the feet, of unit height, world
+    leaning: Array  # [2, n] low-passed lean (left, ahead)
+
+
+@pytree
 class State:
-    """A character. L legs; V vertices (skinned drag) or J joints (rigid drag)."""
+    """A character. V vertices (skinned drag) or J joints (rigid drag)."""
 
     frame: Array  # [n] int32, frames lived
     position: Array  # [3, n] m, world; y is the (smoothed) ground height that carries the body
     velocity: Array  # [2, n] m/s, world (x, z)
-    smoothed: Array  # [2, n] m/s, low-passed velocity that steps follow
     desired: Array  # [2, n] m/s, asked for, world (x, z)
     waypoint: Array  # [n] int32, next way-point; -1: none
     facing: Array  # [n] rad, heading asked for
@@ -29,19 +79,34 @@ class State:
     yaw_rate: Array
     pitch: Array  # [n] rad, positive leans forward
     pitch_rate: Array
-    gait_speed: Array  # [n] m/s, low-passed desired speed that picks the gait
-    idle: Array  # [n] weight of the idle clip
-    idle_phase: Array  # [n] cycles
-    phase: Array  # [n] cycles, of the clip
-    progress: Array  # [L, n] of each leg's swing, 1 when planted
-    handle: Array  # [2, L, n] m, world (x, z) of each foot handle
-    target: Array  # [2, L, n] m, where it steps to
-    foot_yaw: Array  # [L, n] rad, of each foot: fixed while planted, towards the body's in the swing
+    phase: Array  # [n] cycles, of the walking clips
+    idle_phase: Array  # [n] cycles, of the standing clip
+    gait: Any  # Footsteps or Strides
     force: Array  # [3, n] N, drag of the frame before
     torque: Array  # [2, n] N m, its yaw and pitch components
     drag_slope: Array  # [3, n] N s/m, N m s, N m s: how drag falls as velocity, yaw and pitch rate yield to it
     previous: Array  # [3, V, n] or [7, J, n]: vertices or transforms, relative to the position
     fault: Array  # [n] int32
+
+
+@pytree
+class StrideFrame:
+    """What the semi-procedural system shows of itself."""
+
+    heel: Array  # [3, L, n] m, world, of the posed foot
+    toe: Array  # [3, L, n] m, world
+    from_position: Array  # [3, L, n] m, world, heel end of the footprints
+    from_direction: Array  # [3, L, n] m, from heel end to toe end
+    to_position: Array
+    to_direction: Array
+    goal: Array  # [3, L, n] m, world
+    time: Array  # [L, n] cycles
+    designated: Array  # [L, n] cycles
+    parked: Array  # [L, n] bool
+    phase: Array  # [L, n] int32
+    steps: Array  # [L, n] int32
+    weights: Array  # [M, n] of every motion in the pose
+    alignment: Array  # [n] how much of the pose is adjusted
 
 
 @pytree
@@ -59,6 +124,7 @@ class Frame:
     over_reach: Array  # [L, n] m
     pose_position: Array  # [3, n] m, world
     pose_orientation: Array  # [4, n]
+    strides: StrideFrame | None  # of the semi-procedural system
     joint_rotation: Array  # [4, J, n] joint to parent; empty unless poses are recorded
     joint_translation: Array  # [3, moving, n] m, joint to parent, unscaled
 
@@ -83,6 +149,21 @@ def blank_frame(layout: Layout, herd: HerdLayout, state: State) -> Frame:
         over_reach=zeros(herd.legs),
         pose_position=zeros(3),
         pose_orientation=zeros(4),
+        strides=_blank_strides(herd, zeros) if layout.gait == "semi_procedural" else None,
         joint_rotation=zeros(4, herd.joints if posed else 0),
         joint_translation=zeros(3, len(herd.moving) if posed else 0),
+    )
+
+
+def _blank_strides(herd: HerdLayout, zeros: Callable[..., Array]) -> StrideFrame:
+    places = [zeros(3, herd.legs) for _ in range(7)]
+    return StrideFrame(
+        *places,
+        time=zeros(herd.legs),
+        designated=zeros(herd.legs),
+        parked=zeros(herd.legs, kind=jnp.bool_),
+        phase=zeros(herd.legs, kind=jnp.int32),
+        steps=zeros(herd.legs, kind=jnp.int32),
+        weights=zeros(len(herd.motions)),
+        alignment=zeros(),
     )

@@ -3,15 +3,38 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
+from typing import Any
 
 import jax
 
 from crowd.assets import HerdAssets, World
-from crowd.components import arms, body, feet, forces, gait, limbs, pose, record, sense, skin, steer
-from crowd.layout import Layout
+from crowd.components import (
+    alignment,
+    arms,
+    body,
+    feet,
+    footsteps,
+    forces,
+    limbs,
+    pose,
+    record,
+    sense,
+    skin,
+    steer,
+    strides,
+)
+from crowd.layout import Gait, Layout
 from crowd.params import Character, Params
 from crowd.state import Frame, State
 from kernels.wall import Wall
+
+# what moves the feet, and what bends the legs to them
+GAITS: dict[Gait, tuple[Callable[..., Any], Callable[..., Any]]] = {
+    "semi_procedural": (strides.gait, alignment.feet),
+    "footsteps": (footsteps.gait, feet.feet),
+    "clip": (footsteps.gait, feet.feet),
+}
 
 
 def step(
@@ -41,18 +64,20 @@ def step(
         wrench = wall(lambda c, s, p: forces.total(layout, params, c, s, p), character, state, place)
     with jax.named_scope("body"):
         state = body.body(layout, params, character, state, wrench, place, wall)
+    stepped, placed = GAITS[layout.gait]
     with jax.named_scope("gait"):
-        state, blend = gait.gait(layout, herd, assets, params, character, state, wall)
+        climb = (state.position[1] - before[1]) / layout.dt
+        state, plan, poses = stepped(layout, which, assets, world, params, character, state, climb, wall)
     with jax.named_scope("pose"):
-        hung = pose.pose(herd, assets, character, state, blend, wall)
+        hung = pose.pose(herd, assets, character, state, poses, wall)
     with jax.named_scope("feet"):
-        legs = feet.feet(layout, herd, assets, world, character, state, blend, hung.transforms, wall)
+        legs = placed(layout, which, assets, world, params, character, state, plan, hung, wall)
     surface = place.fluid.surface - state.position[1]
     with jax.named_scope("arms"):
         hands = None
         if layout.regions and layout.arms_up[which] and herd.arms:
-            hands = arms.arms(herd, assets, params, character, state, hung.transforms, legs.drop, surface, wall)
-        transforms = limbs.bend(herd, hung.transforms, limbs.joined(legs.segments, hands), legs.drop, wall)
+            hands = arms.arms(herd, assets, params, character, state, hung.transforms, legs.shift, surface, wall)
+        transforms = limbs.bend(herd, hung.transforms, limbs.joined(legs.segments, hands), legs.shift, wall)
     load = skin.dry(state)
     if layout.regions:
         with jax.named_scope("skin"):
@@ -74,5 +99,6 @@ def step(
             previous = moved
     with jax.named_scope("record"):
         rotation = record.joint_rotations(layout, herd, hung, transforms, wall)
-        frame = record.frame(layout, state, place, hung, legs, rotation, load, wall)
+        strided = record.strides(state, plan, legs, wall) if layout.gait == "semi_procedural" else None
+        frame = record.frame(layout, state, place, hung, legs, rotation, load, strided, wall)
     return dataclasses.replace(state, frame=state.frame + 1, previous=previous), frame

@@ -10,7 +10,7 @@ from jax import Array
 
 from crowd.layout import Layout
 from crowd.scene import HerdScene
-from crowd.state import State
+from crowd.state import State, StrideFrame
 
 
 def shown_state(state: State) -> dict[str, Array]:
@@ -46,6 +46,8 @@ def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Any, recorded: 
         pose_position=frame.pose_position,
         pose_orientation=frame.pose_orientation,
     )
+    if frame.strides is not None:
+        out |= _strides(frame.strides, layout.record_pose)
     if layout.record_pose:
         out["joint_rotation"] = frame.joint_rotation
         rest = herd.archetype.skeleton.rest_translation.astype(np.float32)
@@ -53,6 +55,30 @@ def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Any, recorded: 
         translation[:, :, list(layout.herds[which].moving)] = frame.joint_translation
         out["joint_translation"] = translation
     return out
+
+
+def _strides(frame: StrideFrame, footprints: bool) -> dict[str, np.ndarray]:
+    """What the semi-procedural system shows."""
+    out = dict(
+        heel=frame.heel,
+        toe=frame.toe,
+        cycle_time=frame.time,
+        cycle_designated=frame.designated,
+        parked=frame.parked,
+        foot_phase=frame.phase,
+        steps=frame.steps,
+        weights=frame.weights,
+        alignment=frame.alignment,
+    )
+    if footprints:
+        out |= dict(
+            footprint_from=frame.from_position,
+            footprint_from_direction=frame.from_direction,
+            footprint_to=frame.to_position,
+            footprint_to_direction=frame.to_direction,
+            footprint_goal=frame.goal,
+        )
+    return {name: np.asarray(values) for name, values in out.items()}
 
 
 def _untiled(values: np.ndarray, count: int) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 
 from crowd.assets import HerdAssets
-from crowd.components.feet import Segments, lowered
+from crowd.components.feet import Segments, moved
 from crowd.layout import HerdLayout
 from crowd.params import Character, Params
 from crowd.state import State
@@ -24,7 +24,7 @@ ASIDE = 0.65  # of the arm's length: how far hands move outward, so that forearm
 
 
 class _Goal(NamedTuple):
-    """An arm as the clip has it on the lowered body, and where its hand should go."""
+    """An arm as the clip has it on the moved body, and where its hand should go."""
 
     shoulder: Array  # [3, A, n] m
     upper: Array  # [3, A, n] m, shoulder to elbow
@@ -41,7 +41,7 @@ def arms(
     character: Character,
     state: State,
     transforms: Array,
-    drop: Array,
+    shift: Array,
     surface: Array,
     wall: Wall,
 ) -> Segments:
@@ -51,10 +51,10 @@ def arms(
     raised to the surface and a margin and moved aside; the elbow points outward and up. It fades in with the depth of
     the hand or elbow, whichever is deeper; out of reach the arm points to the goal.
     """
-    goal = wall(lambda *now: _goal(herd, assets, params, *now), character, state, transforms, drop, surface)
+    goal = wall(lambda *now: _goal(herd, assets, params, *now), character, state, transforms, shift, surface)
     bent = wall(_bent, goal)
     turns = wall(_turns, goal, *bent)
-    return wall(_segments, goal, turns, drop)
+    return wall(_segments, goal, turns, shift)
 
 
 def _goal(
@@ -64,10 +64,10 @@ def _goal(
     character: Character,
     state: State,
     transforms: Array,
-    drop: Array,
+    shift: Array,
     surface: Array,
 ) -> _Goal:
-    position = lowered(transforms[4:], drop)
+    position = moved(transforms[4:], shift)
     shoulder, elbow, hand = (position[:, np.array(j)] for j in (herd.shoulders, herd.elbows, herd.hands))
     size = assets.arm_length * character.scale
     level = jnp.maximum(surface, -1e3) + params.control.arm_margin + HAND * size
@@ -105,13 +105,13 @@ def _turns(goal: _Goal, elbow: Array, hand: Array) -> tuple[Array, Array]:
     )
 
 
-def _segments(goal: _Goal, turns: tuple[Array, Array], drop: Array) -> Segments:
+def _segments(goal: _Goal, turns: tuple[Array, Array], shift: Array) -> Segments:
     upper, lower = turns
     elbow = goal.shoulder + quat.rotate(upper, goal.upper)
     hand = elbow + quat.rotate(lower, goal.lower)
     before = goal.shoulder + goal.upper
     return Segments(
         jnp.concatenate([upper, lower, lower], 1),
-        lowered(jnp.concatenate([goal.shoulder, before, before + goal.lower], 1), -drop),
+        moved(jnp.concatenate([goal.shoulder, before, before + goal.lower], 1), -shift),
         jnp.concatenate([goal.shoulder, elbow, hand], 1),
     )

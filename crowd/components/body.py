@@ -89,11 +89,9 @@ def _entered(
     height = state.position[1] + (place.ground - state.position[1]) * controllers.low_pass(
         dt, params.control.ground_time
     )
-    follow = controllers.low_pass(dt, params.control.filter_time)
     return dict(
         position=jnp.stack([state.position[0] + way[0], height, state.position[2] + way[1]]),
         velocity=velocity,
-        smoothed=state.smoothed + (velocity - state.smoothed) * follow,
         yaw=turned[0],
         yaw_rate=turned[1],
         pitch=turned[2],

@@ -10,9 +10,10 @@ from jax import Array
 
 from crowd.assets import HerdAssets, World
 from crowd.components import sense
-from crowd.components.gait import Mix
+from crowd.components.footsteps import Mix
+from crowd.components.pose import Hung
 from crowd.layout import HerdLayout, Layout
-from crowd.params import Character
+from crowd.params import Character, Params
 from crowd.state import State
 from kernels import ik, quat
 from kernels.vec import TINY, dot, unit
@@ -35,18 +36,20 @@ class Feet(NamedTuple):
     """Legs after inverse kinematics, relative to the character's position."""
 
     segments: Segments  # of all legs: upper, lower, foot
-    drop: Array  # [n] m, how far the body comes down
+    shift: Array  # [3, n] m, how the body moves so that its legs reach
     ball: Array  # [3, L, n] m
     ankle: Array  # [3, L, n] m
     over_reach: Array  # [L, n] m
     handle: Array  # [3, L, n] m, where the contact point should be; all relative to the character's position
     planted: Array  # [L, n] bool
+    heel: Array | None = None  # [3, L, n] m, of the posed foot (semi-procedural)
+    toe: Array | None = None
 
 
 def _swing_height(herd: HerdLayout, assets: HerdAssets, character: Character, state: State, blend: Mix) -> Array:
     """[L, n] m, height of each contact point above the ground: the clips' own, at the leg's own progress."""
     steps = herd.swing_samples - 1
-    at = jnp.clip(state.progress, 0.0, 1.0) * steps
+    at = jnp.clip(state.gait.progress, 0.0, 1.0) * steps
     first = jnp.clip(jnp.floor(at).astype(jnp.int32), 0, steps - 1)
     share = at - first
     leg = jnp.arange(herd.legs).reshape(-1, 1) * (herd.gaits * herd.swing_samples)
@@ -71,13 +74,14 @@ class _Goal(NamedTuple):
 
 def feet(
     layout: Layout,
-    herd: HerdLayout,
+    which: int,
     assets: HerdAssets,
     world: World,
+    params: Params,
     character: Character,
     state: State,
     blend: Mix,
-    transforms: Array,
+    hung: Hung,
     wall: Wall,
 ) -> Feet:
     """Legs after the clip's pose: bent to their handles, or left as the clip has them (`gait: clip`).
@@ -85,17 +89,19 @@ def feet(
     The contact point goes to the handle; the foot keeps the clip's attitude about it (heel lift) without the body's
     pitch and yaw, laid onto the slope. Bones between hip and knee or knee and ankle keep the clip's pose.
     """
-    if not layout.footsteps:
+    del params
+    herd, transforms = layout.herds[which], hung.transforms
+    if layout.gait == "clip":
         return wall(lambda *now: _as_played(herd, assets, *now), character, state, blend, transforms)
-    ground = wall(lambda s: sense.ground(layout, world, s.handle), state)
+    ground = wall(lambda s: sense.ground(layout, world, s.gait.handle), state)
     lift = wall(lambda c, s, b: _swing_height(herd, assets, c, s, b), character, state, blend)
     level = wall(_levelled, state, ground[1])
     goal = wall(lambda *now: _goal(herd, assets, *now), character, state, transforms, ground[0], lift, level)
-    drop = wall(lambda *now: _drop(assets, *now), character, state, goal)
-    knee, reached, missed = wall(lambda *now: _reached(assets, *now), state, goal, drop)
-    segments = wall(_segments, goal, drop, knee, reached)
+    shift = wall(lambda *now: _down(_drop(assets, *now)), character, state, goal)
+    knee, reached, missed = wall(lambda *now: _reached(assets, *now), state, goal, shift)
+    segments = wall(_segments, goal, shift, knee, reached)
     ball = wall(lambda reached, goal: reached - goal.foot, reached, goal)
-    return Feet(segments, drop, ball, reached, missed, goal.contact, state.progress >= 1.0)
+    return Feet(segments, shift, ball, reached, missed, goal.contact, state.gait.progress >= 1.0)
 
 
 def _goal(
@@ -113,21 +119,21 @@ def _goal(
     hips, knees, ankles = (position[:, np.array(j)] for j in (herd.hips, herd.knees, herd.ankles))
     balls = np.array(herd.balls)
     contact = position[:, balls] + quat.rotate(transforms[:4][:, balls], assets.ball_offset * character.scale)
-    place = state.handle - state.position[np.array([0, 2])][:, None]
+    place = state.gait.handle - state.position[np.array([0, 2])][:, None]
     goal = jnp.stack([place[0], height - state.position[1] + lift, place[1]])
     return _Goal(hips, knees - hips, ankles - knees, goal, quat.rotate(level, ankles - contact), level)
 
 
-def _reached(assets: HerdAssets, state: State, goal: _Goal, drop: Array) -> tuple[Array, Array, Array]:
+def _reached(assets: HerdAssets, state: State, goal: _Goal, shift: Array) -> tuple[Array, Array, Array]:
     """Knees, reached ankles and what is missing, after the body came down."""
     upper = jnp.sqrt(dot(goal.upper, goal.upper) + TINY)
     lower = jnp.sqrt(dot(goal.lower, goal.lower) + TINY)
     pole = _pole(assets, state, goal.upper, goal.upper + goal.lower, upper + lower)
-    return ik.two_bone(lowered(goal.hip, drop), goal.contact + goal.foot, pole, upper, lower)
+    return ik.two_bone(moved(goal.hip, shift), goal.contact + goal.foot, pole, upper, lower)
 
 
-def _segments(goal: _Goal, drop: Array, knee: Array, reached: Array) -> Segments:
-    hip = lowered(goal.hip, drop)
+def _segments(goal: _Goal, shift: Array, knee: Array, reached: Array) -> Segments:
+    hip = moved(goal.hip, shift)
     knee_before = goal.hip + goal.upper
     return Segments(
         jnp.concatenate(
@@ -143,9 +149,13 @@ def _segments(goal: _Goal, drop: Array, knee: Array, reached: Array) -> Segments
     )
 
 
-def lowered(position: Array, drop: Array) -> Array:
-    """Positions [3, k, n] of a body that came down by `drop` [n]."""
-    return position - jnp.stack([jnp.zeros_like(drop), drop, jnp.zeros_like(drop)])[:, None]
+def moved(position: Array, shift: Array) -> Array:
+    """Positions [3, k, n] of a body that moved by `shift` [3, n]."""
+    return position + shift[:, None]
+
+
+def _down(drop: Array) -> Array:
+    return jnp.stack([jnp.zeros_like(drop), -drop, jnp.zeros_like(drop)])
 
 
 def _levelled(state: State, slope: Array) -> Array:
@@ -154,7 +164,7 @@ def _levelled(state: State, slope: Array) -> Array:
     sin, cos = jnp.sin(state.yaw), jnp.cos(state.yaw)
     s = jnp.sin(half)
     unpitch = jnp.stack([jnp.cos(half), cos * s, 0 * s, -sin * s])[:, None]
-    unpitch = quat.multiply(quat.about_y(state.foot_yaw - state.yaw), unpitch)
+    unpitch = quat.multiply(quat.about_y(state.gait.foot_yaw - state.yaw), unpitch)
     up = unit(jnp.stack([-slope[0], jnp.ones_like(slope[0]), -slope[1]]))
     flat = jnp.zeros_like(up).at[1].set(1.0)
     return quat.multiply(quat.between(flat, up), unpitch)
@@ -166,7 +176,7 @@ def _drop(assets: HerdAssets, character: Character, state: State, goal: _Goal) -
     length = jnp.sqrt(dot(goal.upper, goal.upper) + TINY) + jnp.sqrt(dot(goal.lower, goal.lower) + TINY)
     most = STRETCH * length
     vertical = jnp.sqrt(jnp.maximum(most * most - way[0] ** 2 - way[2] ** 2, (0.3 * length) ** 2))
-    ends = jnp.abs(2.0 * state.progress - 1.0)
+    ends = jnp.abs(2.0 * state.gait.progress - 1.0)
     need = (jnp.maximum(-way[1] - vertical, 0.0) * ends * ends).max(0)
     return jnp.minimum(need, MOST_DROP * assets.pivot_height * character.scale)
 
@@ -187,8 +197,8 @@ def _as_played(
     contact = transforms[4:][:, balls] + quat.rotate(transforms[:4][:, balls], assets.ball_offset * character.scale)
     since = state.phase - blend.lift
     since = since - jnp.floor(since)
-    planted = (since >= 1.0 - blend.duty) | (state.idle > 0.5)
+    planted = (since >= 1.0 - blend.duty) | (state.gait.idle > 0.5)
     zero = jnp.zeros_like(since)
     still = jnp.zeros((4, 0, *state.phase.shape), contact.dtype)
     none = jnp.zeros((3, 0, *state.phase.shape), contact.dtype)
-    return Feet(Segments(still, none, none), zero[0], contact, transforms[4:][:, ankles], zero, contact, planted)
+    return Feet(Segments(still, none, none), _down(zero[0]), contact, transforms[4:][:, ankles], zero, contact, planted)

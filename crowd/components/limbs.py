@@ -19,8 +19,8 @@ def joined(first: Segments, second: Segments | None) -> Segments:
     return Segments(*(jnp.concatenate([a, b], 1) for a, b in zip(first, second, strict=True)))
 
 
-def bend(herd: HerdLayout, transforms: Array, segments: Segments, drop: Array, wall: Wall) -> Array:
-    """Transforms [7, J, n] with the body lowered by `drop` and the limbs turned."""
+def bend(herd: HerdLayout, transforms: Array, segments: Segments, shift: Array, wall: Wall) -> Array:
+    """Transforms [7, J, n] with the body moved by `shift` [3, n] and the limbs turned."""
     segment = herd.limb_segments
     limb = np.flatnonzero((segment >= 0) & (segment < segments.turn.shape[1]))
     if not len(limb):
@@ -29,14 +29,14 @@ def bend(herd: HerdLayout, transforms: Array, segments: Segments, drop: Array, w
     back = np.argsort(np.concatenate([trunk, limb]))
     which = segment[limb]
 
-    def lowered(transforms: Array, drop: Array) -> Array:
-        return transforms[:, trunk].at[5].add(-drop)
+    def moved(transforms: Array, shift: Array) -> Array:
+        return transforms[:, trunk].at[4:].add(shift[:, None])
 
     def turned(transforms: Array, turn: Array, before: Array, after: Array) -> Array:
         position = after + quat.rotate(turn, transforms[4:] - before)
         return jnp.concatenate([quat.multiply(turn, transforms[:4]), position])
 
-    body = wall(lowered, transforms, drop)
+    body = wall(moved, transforms, shift)
     limbs = wall(
         turned, transforms[:, limb], segments.turn[:, which], segments.before[:, which], segments.after[:, which]
     )

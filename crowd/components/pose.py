@@ -8,13 +8,20 @@ import jax.numpy as jnp
 from jax import Array
 
 from crowd.assets import HerdAssets
-from crowd.components.gait import Mix
 from crowd.layout import HerdLayout
 from crowd.params import Character
 from crowd.state import State
 from kernels import clips, quat
 from kernels.skeleton import forward_kinematics
 from kernels.wall import Wall
+
+
+class Poses(NamedTuple):
+    """What the gait wants the body to look like."""
+
+    column: Array  # [2, slots, n] int32 table columns of the clips that play
+    share: Array  # [2, slots, n]
+    up: tuple[Array, Array] | None  # [3, n] unit up axes of body and legs, world; None: vertical
 
 
 class Hung(NamedTuple):
@@ -27,44 +34,29 @@ class Hung(NamedTuple):
     orientation: Array  # [4, n]
 
 
-def slots(herd: HerdLayout, state: State, blend: Mix) -> tuple[Array, Array]:
-    """Table columns and shares [2, slots, n]: the two nearest gaits (or the only one) and the idle clip."""
-    moving = 1.0 - state.idle
-    phases, weights, which = [], [], []
-    if herd.gaits == 1:
-        which.append(jnp.zeros_like(state.fault))
-        weights.append(moving)
-        phases.append(state.phase)
-    else:
-        place = sum((k * blend.share[k] for k in range(1, herd.gaits)), jnp.zeros_like(state.phase))
-        low = jnp.clip(jnp.floor(place).astype(jnp.int32), 0, herd.gaits - 2)
-        upper = jnp.clip(place - low, 0.0, 1.0)
-        which += [low, low + 1]
-        weights += [moving * (1.0 - upper), moving * upper]
-        phases += [state.phase, state.phase]
-    which.append(jnp.full_like(state.fault, herd.gaits))
-    weights.append(state.idle)
-    phases.append(state.idle_phase)
-    return clips.frame_weights(jnp.stack(which), jnp.stack(phases), jnp.stack(weights), herd.samples)
-
-
-def pose(herd: HerdLayout, assets: HerdAssets, character: Character, state: State, blend: Mix, wall: Wall) -> Hung:
+def pose(herd: HerdLayout, assets: HerdAssets, character: Character, state: State, poses: Poses, wall: Wall) -> Hung:
     """The clips sampled, blended and hung from the body, which turns about its hips."""
-    column, share = wall(lambda state, blend: slots(herd, state, blend), state, blend)
-    rotation = wall(clips.blend, assets.rotation_table, column, share)
-    translation = wall(clips.blend, assets.translation_table, column, share)
+    rotation = wall(clips.blend, assets.rotation_table, poses.column, poses.share)
+    translation = wall(clips.blend, assets.translation_table, poses.column, poses.share)
 
     def offsets(translation: Array, rest: Array, scale: Array) -> Array:
         full = jnp.broadcast_to(rest, (3, herd.joints, scale.shape[-1]))
         return full.at[:, jnp.array(herd.moving, int)].set(translation) * scale
 
-    def hung(yaw: Array, pitch: Array, scale: Array) -> tuple[Array, Array]:
-        orientation = quat.multiply(quat.about_y(yaw), quat.about_x(pitch))
-        zero = jnp.zeros_like(yaw)
-        pivot = jnp.stack([zero, assets.pivot_height * scale, zero])
-        return pivot - quat.rotate(orientation, pivot), orientation
+    def hung(yaw: Array, pitch: Array, scale: Array, up: tuple[Array, Array] | None) -> tuple[Array, Array]:
+        turn = quat.multiply(quat.about_y(yaw), quat.about_x(pitch))
+        if up is None or assets.strides is None:
+            zero = jnp.zeros_like(yaw)
+            pivot = jnp.stack([zero, assets.pivot_height * scale, zero])
+            return pivot - quat.rotate(turn, pivot), turn
+        # the body tilts about its hips, the hips lean with the legs about the ground (4.12)
+        vertical = jnp.zeros_like(up[0]).at[1].set(1.0)
+        pivot = assets.strides.pivot * scale
+        hips = quat.rotate(quat.between(vertical, up[1]), quat.rotate(quat.about_y(yaw), pivot))
+        turn = quat.multiply(quat.between(vertical, up[0]), turn)
+        return hips - quat.rotate(turn, pivot), turn
 
     offset = wall(offsets, translation, assets.rest_translation, character.scale)
-    position, orientation = wall(hung, state.yaw, state.pitch, character.scale)
+    position, orientation = wall(hung, state.yaw, state.pitch, character.scale, poses.up)
     transforms = forward_kinematics(herd.parents, rotation, offset, orientation, position, wall)
     return Hung(rotation, translation, transforms, position, orientation)

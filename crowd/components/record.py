@@ -7,11 +7,13 @@ import numpy as np
 from jax import Array
 
 from crowd.components.feet import Feet
+from crowd.components.footing import relative
 from crowd.components.pose import Hung
 from crowd.components.sense import Surroundings
 from crowd.components.skin import Load
+from crowd.components.strides import Stride
 from crowd.layout import HerdLayout, Layout
-from crowd.state import Frame, State
+from crowd.state import Frame, State, StrideFrame, Strides
 from kernels import quat
 from kernels.wall import Wall
 
@@ -41,6 +43,7 @@ def frame(
     legs: Feet,
     joint_rotation: Array,
     load: Load,
+    strides: StrideFrame | None,
     wall: Wall,
 ) -> Frame:
     """The recorded view of a frame."""
@@ -52,20 +55,47 @@ def frame(
         planted=legs.planted,
         over_reach=legs.over_reach,
         pose_orientation=hung.orientation,
+        strides=strides,
         joint_rotation=joint_rotation,
         joint_translation=hung.translation if layout.record_pose else none,
         **in_world,
     )
 
 
+def strides(state: State, stride: Stride, legs: Feet, wall: Wall) -> StrideFrame:
+    """What the semi-procedural system shows of itself."""
+    return wall(_shown_strides, state, stride, legs.heel, legs.toe)
+
+
+def _shown_strides(state: State, stride: Stride, heel: Array, toe: Array) -> StrideFrame:
+    own: Strides = state.gait
+    at = state.position[:, None]
+    behind, ahead = relative(state)
+    return StrideFrame(
+        heel=heel + at,
+        toe=toe + at,
+        from_position=own.from_position,
+        from_direction=behind.sole,
+        to_position=own.to_position,
+        to_direction=ahead.sole,
+        goal=own.goal,
+        time=own.time,
+        designated=own.designated,
+        parked=own.parked,
+        phase=own.phase,
+        steps=own.steps,
+        weights=stride.blend.share * stride.alignment,
+        alignment=stride.alignment,
+    )
+
+
 def _in_world(at: Array, place: Surroundings, hung: Hung, legs: Feet, load: Load) -> dict[str, Array]:
     """Places in the world, of a character at `at` [3, n]."""
-    lowered = jnp.stack([jnp.zeros_like(legs.drop), legs.drop, jnp.zeros_like(legs.drop)])
     return dict(
         center_of_pressure=load.center_of_pressure + at,
         depth=jnp.maximum(place.fluid.surface - place.ground, 0.0),
         ball=legs.ball + at[:, None],
         ankle=legs.ankle + at[:, None],
         handle=legs.handle + at[:, None],
-        pose_position=hung.position + at - lowered,
+        pose_position=hung.position + at + legs.shift,
     )

@@ -1,4 +1,4 @@
-"""Gait: which clips play, the clock, and the footstep controller that places the feet (section 4.1)."""
+"""Footsteps: which clips play, the clock, and the footstep controller that places the feet (section 4.1)."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from crowd.assets import HerdAssets
+from crowd.assets import HerdAssets, World
+from crowd.components.pose import Poses
 from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, Control, Params
 from crowd.state import State
-from kernels import controllers, stepping
+from kernels import clips, controllers, stepping
 from kernels.vec import TINY, smoothstep
 from kernels.wall import Wall
 
@@ -38,7 +39,7 @@ def mix(herd: HerdLayout, assets: HerdAssets, character: Character, state: State
     place = jnp.zeros_like(root)
     for k in range(herd.gaits - 1):
         middle = jnp.sqrt(assets.speed[k] * assets.speed[k + 1]) * root
-        place = place + smoothstep((state.gait_speed / middle - (1 - BAND)) / (2 * BAND))
+        place = place + smoothstep((state.gait.gait_speed / middle - (1 - BAND)) / (2 * BAND))
     share = jnp.stack([jnp.clip(1 - jnp.abs(place - k), 0.0, 1.0) for k in range(herd.gaits)])
 
     def blended(table: Array) -> Array:
@@ -74,17 +75,27 @@ class _Swing(NamedTuple):
 
 
 def gait(
-    layout: Layout, herd: HerdLayout, assets: HerdAssets, params: Params, character: Character, state: State, wall: Wall
-) -> tuple[State, Mix]:
-    """Clock, idle weight, and every leg's swing, target and handle after the frame; and the blend of clips."""
-    dt, control = layout.dt, params.control
-    state = dataclasses.replace(state, gait_speed=wall(lambda s: _asked(dt, control, s), state))
+    layout: Layout,
+    which: int,
+    assets: HerdAssets,
+    world: World,
+    params: Params,
+    character: Character,
+    state: State,
+    climb: Array,
+    wall: Wall,
+) -> tuple[State, Mix, Poses]:
+    """Clock, idle weight, and every leg's swing, target and handle after the frame; the blend of clips and its poses."""
+    del world, climb
+    dt, control, herd = layout.dt, params.control, layout.herds[which]
+    state = _with(state, **wall(lambda s: _followed(dt, control, s), state))
     blend = wall(lambda c, s: mix(herd, assets, c, s), character, state)
     pace = wall(lambda c, s, b: _pace(layout, assets, control, c, s, b), character, state, blend)
-    state = dataclasses.replace(state, idle=pace.idle, idle_phase=pace.idle_phase)
-    if not layout.footsteps:
+    state = dataclasses.replace(_with(state, idle=pace.idle), idle_phase=pace.idle_phase)
+    if layout.gait == "clip":
         phase = wall(lambda phase, pace: _wrap(phase + pace.advance), state.phase, pace)
-        return dataclasses.replace(state, phase=phase), blend
+        state = dataclasses.replace(state, phase=phase)
+        return state, blend, wall(lambda s, b: _poses(herd, s, b), state, blend)
     rest = wall(lambda c, s, b: _turned(_standing_rest(assets, c, s, b), s.yaw), character, state, blend)
     pace = wall(lambda *now: _hastened(assets, *now), character, state, blend, pace, rest)
     phase = wall(lambda phase, pace: _wrap(phase + pace.advance), state.phase, pace)
@@ -92,14 +103,46 @@ def gait(
     swing = wall(lambda *now: _swing(dt, control, assets, *now), character, state, blend, pace, rest)
     target = wall(lambda *now: _aimed(herd, control, assets, *now), character, state, blend, pace, rest, swing)
     handle, foot_yaw = wall(_moved, state, target, swing)
-    return dataclasses.replace(state, progress=swing.after, target=target, handle=handle, foot_yaw=foot_yaw), blend
+    state = _with(state, progress=swing.after, target=target, handle=handle, foot_yaw=foot_yaw)
+    return state, blend, wall(lambda s, b: _poses(herd, s, b), state, blend)
 
 
-def _asked(dt: float, control: Control, state: State) -> Array:
-    """[n] m/s, the desired speed, low-passed: it picks the gait."""
+def _with(state: State, **changes: Array) -> State:
+    """The state with fields of its gait replaced."""
+    return dataclasses.replace(state, gait=dataclasses.replace(state.gait, **changes))
+
+
+def _poses(herd: HerdLayout, state: State, blend: Mix) -> Poses:
+    """Table columns and shares: the two nearest gaits (or the only one) and the idle clip."""
+    moving = 1.0 - state.gait.idle
+    phases, weights, which = [], [], []
+    if herd.gaits == 1:
+        which.append(jnp.zeros_like(state.fault))
+        weights.append(moving)
+        phases.append(state.phase)
+    else:
+        place = sum((k * blend.share[k] for k in range(1, herd.gaits)), jnp.zeros_like(state.phase))
+        low = jnp.clip(jnp.floor(place).astype(jnp.int32), 0, herd.gaits - 2)
+        upper = jnp.clip(place - low, 0.0, 1.0)
+        which += [low, low + 1]
+        weights += [moving * (1.0 - upper), moving * upper]
+        phases += [state.phase, state.phase]
+    which.append(jnp.full_like(state.fault, herd.gaits))
+    weights.append(state.gait.idle)
+    phases.append(state.idle_phase)
+    column, share = clips.frame_weights(jnp.stack(which), jnp.stack(phases), jnp.stack(weights), herd.samples)
+    return Poses(column, share, None)
+
+
+def _followed(dt: float, control: Control, state: State) -> dict[str, Array]:
+    """The low-passed velocity, which steps follow, and the low-passed desired speed, which picks the gait."""
+    steps = state.gait
     desired = jnp.sqrt(state.desired[0] ** 2 + state.desired[1] ** 2 + TINY)
     share = controllers.low_pass(dt, control.filter_time)
-    return state.gait_speed + (desired - state.gait_speed) * share
+    return dict(
+        smoothed=steps.smoothed + (state.velocity - steps.smoothed) * share,
+        gait_speed=steps.gait_speed + (desired - steps.gait_speed) * share,
+    )
 
 
 def _pace(
@@ -108,12 +151,12 @@ def _pace(
     """Cadence and stride by the schedule, from the low-passed velocity."""
     dt = layout.dt
     sin, cos = jnp.sin(state.heading), jnp.cos(state.heading)
-    ahead = state.smoothed[0] * sin + state.smoothed[1] * cos
-    left = state.smoothed[0] * cos - state.smoothed[1] * sin
+    ahead = state.gait.smoothed[0] * sin + state.gait.smoothed[1] * cos
+    left = state.gait.smoothed[0] * cos - state.gait.smoothed[1] * sin
     ahead, left = stepping.step_velocity(ahead, left, control.side_ratio * blend.speed)
     pace = jnp.sqrt(ahead**2 + left**2 + TINY)
     desired = jnp.sqrt(state.desired[0] ** 2 + state.desired[1] ** 2 + TINY)
-    speed = jnp.sqrt(state.smoothed[0] ** 2 + state.smoothed[1] ** 2 + TINY)
+    speed = jnp.sqrt(state.gait.smoothed[0] ** 2 + state.gait.smoothed[1] ** 2 + TINY)
     walking = (speed > control.stand_ratio * blend.speed) & (state.fault == 0)
     cadence = stepping.cadence(layout.schedule, pace / blend.speed, desired / blend.speed) / blend.period
     cadence = jnp.maximum(cadence, pace / blend.most_stride)  # legs too short for the stride step quicker
@@ -126,7 +169,7 @@ def _pace(
         advance=jnp.where(walking, cadence * dt, 0.0),
         stride=jnp.stack([ahead * sin + left * cos, ahead * cos - left * sin]) * cycle,
         walking=walking,
-        idle=state.idle + (jnp.where(walking, 0.0, 1.0) - state.idle) * share,
+        idle=state.gait.idle + (jnp.where(walking, 0.0, 1.0) - state.gait.idle) * share,
         idle_phase=_wrap(state.idle_phase + dt * assets.idle_rate / jnp.sqrt(character.scale)),
     )
 
@@ -143,11 +186,11 @@ def _swing(
 ) -> _Swing:
     """Lift-offs, and how far each swing gets; a leg that lifts off inside the frame has only the rest of it."""
     swing = 1.0 - blend.duty
-    lifts = stepping.lift_off(state.phase, pace.advance, blend.lift, state.progress, pace.walking)
+    lifts = stepping.lift_off(state.phase, pace.advance, blend.lift, state.gait.progress, pace.walking)
     since = state.phase - blend.lift
     since = since - jnp.floor(since)
     close = _closing(control, assets, character, state, rest, pace.walking)
-    before = jnp.where(lifts | close, 0.0, state.progress)
+    before = jnp.where(lifts | close, 0.0, state.gait.progress)
     closing_step = dt / (control.close_time * jnp.sqrt(character.scale))
     step = jnp.where(pace.walking, pace.advance / swing, closing_step)
     after = jnp.where(lifts, since / swing, jnp.where(before < 1.0, before + step, 1.0))
@@ -170,31 +213,31 @@ def _aimed(
     root = state.position[jnp.array([0, 2])]
     stride = pace.stride * jnp.where(pace.walking, 1.0, 0.0)
     aim = stepping.landing(root[:, None], rest, stride[:, None], swing.after, blend.duty)
-    return jnp.where(swing.aims, _uncrossed(herd, control, assets, character, state, aim), state.target)
+    return jnp.where(swing.aims, _uncrossed(herd, control, assets, character, state, aim), state.gait.target)
 
 
 def _moved(state: State, target: Array, swing: _Swing) -> tuple[Array, Array]:
     """Handles [2, L, n] and yaws of the feet [L, n], fixed while planted."""
     yaw = jnp.broadcast_to(state.yaw, swing.before.shape)
-    foot_yaw = stepping.move_handle(state.foot_yaw[None], yaw[None], swing.before, swing.after)[0]
-    return stepping.move_handle(state.handle, target, swing.before, swing.after), foot_yaw
+    foot_yaw = stepping.move_handle(state.gait.foot_yaw[None], yaw[None], swing.before, swing.after)[0]
+    return stepping.move_handle(state.gait.handle, target, swing.before, swing.after), foot_yaw
 
 
 def _standing_rest(assets: HerdAssets, character: Character, state: State, blend: Mix) -> Array:
     """[2, L, n] m, rest place of each foot in the character frame: the gait's, or the idle clip's when standing."""
-    return blend.rest + (assets.idle_rest * character.scale - blend.rest) * state.idle
+    return blend.rest + (assets.idle_rest * character.scale - blend.rest) * state.gait.idle
 
 
 def _off(state: State, rest: Array) -> Array:
     """[L, n] m, how far each handle is from its rest place."""
-    off = state.handle - state.position[jnp.array([0, 2])][:, None] - rest
+    off = state.gait.handle - state.position[jnp.array([0, 2])][:, None] - rest
     return jnp.sqrt(off[0] ** 2 + off[1] ** 2 + TINY)
 
 
 def _hastened(assets: HerdAssets, character: Character, state: State, blend: Mix, pace: _Pace, rest: Array) -> _Pace:
     """A planted foot left far behind (a push) hastens the clock, up to twice."""
     half = 0.5 * blend.duty * jnp.sqrt(pace.stride[0] ** 2 + pace.stride[1] ** 2 + TINY)
-    excess = jnp.where(state.progress >= 1.0, _off(state, rest) - half, 0.0).max(0)
+    excess = jnp.where(state.gait.progress >= 1.0, _off(state, rest) - half, 0.0).max(0)
     reach = 0.25 * assets.pivot_height * character.scale
     haste = jax.lax.stop_gradient(1.0 + smoothstep((excess - 0.5 * reach) / reach))
     return pace._replace(advance=pace.advance * haste)
@@ -207,7 +250,7 @@ def _closing(
     far = _off(state, rest) - control.close_distance * assets.pivot_height * character.scale
     farthest = far >= far.max(0) - 1e-6
     first = jnp.cumsum(farthest, 0) == 1
-    still = (state.progress >= 1.0).all(0)
+    still = (state.gait.progress >= 1.0).all(0)
     return farthest & first & (far > 0) & ~walking & still & (state.fault == 0)
 
 
@@ -219,7 +262,7 @@ def _uncrossed(
     side = jnp.array([s if p != i else 0 for i, (s, p) in enumerate(zip(herd.sides, herd.partners, strict=True))])
     side = side.reshape(-1, 1).astype(aim.dtype)
     left = jnp.stack([jnp.cos(state.yaw), -jnp.sin(state.yaw)])
-    other = state.handle[:, partner]
+    other = state.gait.handle[:, partner]
     gap = control.foot_gap * jnp.abs(assets.idle_rest[0] - assets.idle_rest[0, partner]) * character.scale
     across = (aim[0] - other[0]) * left[0] + (aim[1] - other[1]) * left[1]
     short = jnp.maximum(gap - side * across, 0.0) * side

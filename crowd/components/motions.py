@@ -1,0 +1,124 @@
+"""Motions: how much each analysed motion and each other clip plays, and what their blend says of the legs (3.4, 3.5)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import Array
+
+from crowd.assets import StrideAssets
+from crowd.layout import HerdLayout, Layout
+from crowd.params import Character, StrideControl
+from crowd.state import State, Strides
+from kernels import blending, clips, leg_cycle
+from kernels.leg_cycle import KeyTimes
+
+SLOTS = 4  # clips in a pose; of more the heaviest play
+NO_WALK = 1e-5  # share of each walk when none has weight: a standing character keeps key times
+
+
+class Blend(NamedTuple):
+    """The mixture of motions, at the character's size. Leg data in the character frame."""
+
+    share: Array  # [M, n] of all analysed motions, sum 1
+    motion_weight: Array  # [M, n] the same, for trajectories
+    alignment: Array  # [n] share of analysed motions in the pose
+    keys: KeyTimes  # [L, n]
+    phase: Array  # [L, n] stance time on the clock
+    stance: Array  # [3, L, n] m
+    foot: Array  # [3, L, n] m, heel to toe
+
+
+def mixed(table: Array, share: Array) -> Array:
+    """[*t, n] weighted sum over motions of [M] or [M, L, 1]."""
+    return sum((share[m] * table[m] for m in range(1, share.shape[0])), share[0] * table[0])
+
+
+def channels(herd: HerdLayout, dt: float, own: Strides) -> dict[str, Array]:
+    """Weights of styles and other clips after the frame: the goal's grows at its rate, the others make room."""
+    number = jnp.arange(own.channel.shape[0]).reshape(-1, 1)
+    chosen = number == own.channel_goal
+    now = jnp.where(chosen, own.channel, 0.0).sum(0)
+    new = jnp.minimum(now + own.channel_rate * dt, 1.0)
+    others = jnp.where(now < 1.0, (1.0 - new) / jnp.where(now < 1.0, 1.0 - now, 1.0), 0.0)
+    until = own.channel_until - dt
+    over = until <= 0.0
+    return dict(
+        channel=jnp.where(chosen, new, own.channel * others),
+        channel_goal=jnp.where(over, own.channel_return, own.channel_goal),
+        channel_until=jnp.where(over, jnp.inf, until),
+    )
+
+
+def weights(
+    layout: Layout, herd: HerdLayout, own: StrideAssets, control: StrideControl, character: Character, state: State
+) -> Array:
+    """[M, n] smoothed weights within each style: polar gradient bands of the smoothed velocity (3.2, 3.4)."""
+    gait: Strides = state.gait
+    sin, cos = jnp.sin(state.yaw), jnp.cos(state.yaw)
+    x, _, z = gait.velocity
+    query = jnp.stack([x * cos - z * sin, x * sin + z * cos]) / character.scale
+    band = blending.cartesian if layout.bands == "cartesian" else blending.polar
+    rows: list[Array | None] = [None] * len(herd.motions)
+    for style in sorted({motion.style for motion in herd.motions}):
+        members = [m for m, motion in enumerate(herd.motions) if motion.style == style]
+        found = band(own.velocity[:, jnp.array(members)], query)
+        for place, m in enumerate(members):
+            rows[m] = found[place]
+    wanted = jnp.stack([row for row in rows if row is not None])
+    share = jnp.minimum(layout.dt / jnp.maximum(control.blend_time, 1e-6), 1.0)
+    return gait.blend + (wanted - gait.blend) * share
+
+
+def blended(herd: HerdLayout, own: StrideAssets, character: Character, gait: Strides) -> Blend:
+    """Leg data of the mixture. Key times come from walk cycles alone (3.5)."""
+    styles = max(motion.style for motion in herd.motions) + 1
+    total = gait.channel[:styles].sum(0)
+    nothing = total < 1e-6
+    style = jnp.where(nothing, 1.0 / styles, gait.channel[:styles] / jnp.where(nothing, 1.0, total))
+    share = jnp.stack([gait.blend[m] * style[motion.style] for m, motion in enumerate(herd.motions)])
+    share = share / share.sum(0)
+    walks = [motion.walks for motion in herd.motions]
+    walking = jnp.stack([share[m] + NO_WALK if walk else jnp.zeros_like(share[m]) for m, walk in enumerate(walks)])
+    walking = walking / walking.sum(0)
+    keys = KeyTimes(*(mixed(table, walking) for table in own.keys))
+    phase = leg_cycle.circular_mean(own.stance_cos, own.stance_sin, walking)
+    stance, foot = (
+        jnp.stack([mixed(table[k], share) for k in range(3)]) * character.scale for table in (own.stance, own.foot)
+    )
+    return Blend(share, share, jnp.clip(total, 0.0, 1.0), keys, phase, stance, foot)
+
+
+def columns(herd: HerdLayout, own: StrideAssets, state: State, blend: Blend) -> tuple[Array, Array]:
+    """Table columns and shares [2, slots, n] of the clips that play."""
+    gait: Strides = state.gait
+    styles = max(motion.style for motion in herd.motions) + 1
+    weight = [blend.share[m] * blend.alignment for m in range(len(herd.motions))]
+    phase = [state.phase if motion.walks else state.idle_phase for motion in herd.motions]
+    for number, cyclic in enumerate(herd.extras):
+        weight.append(gait.channel[styles + number])
+        at = gait.extra_time * own.extra_rate[number]
+        phase.append(at - jnp.floor(at) if cyclic else jnp.clip(at, 0.0, 1.0 - 1.0 / herd.samples))
+    which = [jnp.full_like(state.fault, m) for m in range(len(weight))]
+    if len(weight) > SLOTS:
+        which, phase, weight = _heaviest(weight, phase)
+    total = sum(weight[1:], weight[0])
+    shares = jnp.stack([w / total for w in weight])
+    return clips.frame_weights(jnp.stack(which), jnp.stack(phase), shares, herd.samples)
+
+
+def _heaviest(weight: list[Array], phase: list[Array]) -> tuple[list[Array], list[Array], list[Array]]:
+    """The SLOTS heaviest clips, each less the weight of the next one: nothing jumps when two change places."""
+    left, phases = jnp.stack(weight), jnp.stack(phase)
+    number = jnp.arange(len(weight)).reshape(-1, *(1,) * (left.ndim - 1))
+    which, chosen, heavy = [], [], []
+    for _ in range(SLOTS):
+        best = jnp.argmax(left, 0).astype(jnp.int32)
+        mask = number == best
+        which.append(best)
+        heavy.append(jnp.where(mask, left, 0.0).sum(0))
+        chosen.append(jnp.where(mask, phases, 0.0).sum(0))
+        left = jnp.where(mask, -1.0, left)
+    floor = jnp.maximum(left.max(0), 0.0)
+    return which, chosen, [jnp.maximum(w - floor, 0.0) + 1e-9 for w in heavy]

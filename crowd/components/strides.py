@@ -1,0 +1,249 @@
+"""Strides: the semi-procedural gait. Weights of the motions, leg cycles, footprints and where every footbase goes.
+
+Sections of its specification: tracker 4.1, weights 3.4, leg data 3.5, clock 3.6 and 3.7, leg cycles 4.3 and 4.6,
+footprints 4.4, 4.5 and 4.7, supporting height 4.8, up axes 4.9, flight 4.10, events 4.15.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import Array
+
+from crowd.assets import HerdAssets, StrideAssets, World
+from crowd.components import footing, motions
+from crowd.components.motions import Blend
+from crowd.components.pose import Poses
+from crowd.layout import HerdLayout, Layout
+from crowd.params import Character, Params, StrideControl
+from crowd.state import State, Strides
+from kernels import body_tilt, controllers, flight, leg_cycle
+from kernels.flight import Footbase
+from kernels.footprint import about
+from kernels.vec import TINY
+from kernels.wall import Wall
+
+FASTEST_FACING = 10.0  # rad/s
+TURNS = 0.1  # rad, or m/s to a side: from here on a resting character knows which leg goes first
+READY = 0.3  # cycles since stance: where that leg waits
+
+
+class Stride(NamedTuple):
+    """Where feet and body go, relative to the character's position."""
+
+    base: Footbase
+    lifted: Array  # [L, n] 0: the ground's attitude, 1: the leg's
+    flight: Array  # [L, n] share of the flight
+    planted: Array  # [L, n] bool
+    turn: Array  # [L, n] rad, yaw of the footbase against the body's
+    up: tuple[Array, Array]  # [3, n] unit up axes of body and legs
+    alignment: Array  # [n] 1 adjusted, 0 as animated
+    blend: Blend
+
+
+def gait(
+    layout: Layout,
+    which: int,
+    assets: HerdAssets,
+    world: World,
+    params: Params,
+    character: Character,
+    state: State,
+    climb: Array,
+    wall: Wall,
+) -> tuple[State, Stride, Poses]:
+    """State, footbases and poses after the frame. climb [n]: m/s, how fast the character's ground rises."""
+    herd, control, dt = layout.herds[which], params.strides[which], layout.dt
+    own = assets.strides
+    assert own is not None
+    state = _with(state, **wall(lambda s, climb: _tracked(dt, s, climb), state, climb))
+    state = _with(state, **wall(lambda s: motions.channels(herd, dt, s.gait), state))
+    weights = wall(lambda c, s: motions.weights(layout, herd, own, control, c, s), character, state)
+    state = _with(state, blend=weights)
+    blend = wall(lambda c, s: motions.blended(herd, own, c, s.gait), character, state)
+    cycle_s = wall(lambda c, s, b: _cycle_duration(layout.compat, own, control, c, s, b), character, state, blend)
+    clocks = wall(lambda s, b, cycle_s: _clocks(herd, own, dt, s, b, cycle_s), state, blend, cycle_s)
+    state = dataclasses.replace(state, phase=clocks["phase"], idle_phase=clocks["idle_phase"])
+    state = _with(state, extra_time=clocks["extra_time"])
+    cycle = wall(
+        lambda s, b: leg_cycle.advance(s.phase, b.phase, s.gait.designated, s.gait.time, s.gait.parked, b.keys.strike),
+        state,
+        blend,
+    )
+    state = footing.footprints(layout, own, world, params, control, character, state, blend, cycle, cycle_s, wall)
+    stride = _stride(herd, own, control, dt, character, state, blend, cycle_s, wall)
+    leaning, ground_up, base, up, shares = stride
+    state = _with(state, leaning=leaning, ground_up=ground_up)
+    poses = wall(lambda s, b: motions.columns(herd, own, s, b), state, blend)
+    planted, lifted, flown, turn = shares
+    out = Stride(base, lifted, flown, planted, turn, up, blend.alignment, blend)
+    return state, out, Poses(*poses, up)
+
+
+def _with(state: State, **changes: Array) -> State:
+    """The state with fields of its gait replaced."""
+    return dataclasses.replace(state, gait=dataclasses.replace(state.gait, **changes))
+
+
+def _tracked(dt: float, state: State, climb: Array) -> dict[str, Array]:
+    """Velocity, acceleration and yaw rate, low-passed (4.1). The velocity is the body's own, not a difference of places.
+
+    The first frame has no acceleration.
+    """
+    own: Strides = state.gait
+    now = jnp.stack([state.velocity[0], climb, state.velocity[1]])
+    acceleration = jnp.where(state.frame > 0, (now - own.before) / dt, 0.0)
+    swing = controllers.wrap(state.facing - own.facing) / dt
+    swing = jnp.where(jnp.abs(swing) < FASTEST_FACING, swing, 0.0)  # a new heading is a jump, not a turn
+    return dict(
+        before=now,
+        velocity=own.velocity + (now - own.velocity) * min(10.0 * dt, 1.0),
+        acceleration=own.acceleration + (acceleration - own.acceleration) * min(3.0 * dt, 1.0),
+        turn=own.turn + (state.yaw_rate - own.turn) * min(3.0 * dt, 1.0),
+        facing=state.facing,
+        facing_rate=own.facing_rate + (swing - own.facing_rate) * min(3.0 * dt, 1.0),
+    )
+
+
+def _cycle_duration(
+    compat: bool, own: StrideAssets, control: StrideControl, character: Character, state: State, blend: Blend
+) -> Array:
+    """[n] s (3.6): from the velocity of this frame, of which the climb counts up to the level speed."""
+    x, y, z = state.gait.before
+    level = jnp.sqrt(x * x + z * z + TINY)
+    y = jnp.clip(y, -level, level)
+    ax, _, az = state.gait.acceleration
+    frequency, speed = motions.mixed(own.frequency, blend.share), motions.mixed(own.speed, blend.share)
+    steady = leg_cycle.duration(
+        frequency,
+        speed * character.scale,
+        jnp.sqrt(level * level + y * y),
+        jnp.abs(state.gait.turn),
+        jnp.sqrt(ax * ax + az * az + TINY),
+        control.longest_cycle,
+        control.most_turn,
+        control.most_acceleration,
+    )
+    if compat:
+        return steady
+    stands = state.gait.time <= blend.keys.liftoff
+    twist = jnp.where(stands, controllers.wrap(state.gait.from_yaw - state.facing), 0.0)
+    return steady / leg_cycle.hurry(twist, control.most_foot_turn)
+
+
+def _clocks(
+    herd: HerdLayout, own: StrideAssets, dt: float, state: State, blend: Blend, cycle_s: Array
+) -> dict[str, Array]:
+    """Phases after the frame (3.7): the common clock stands while every leg rests."""
+    moves = ~state.gait.parked.all(0) & (state.fault == 0)
+    phase = jnp.where(moves, state.phase + dt / cycle_s, _ready(herd, state, blend))
+    standing = sum((blend.share[m] for m, motion in enumerate(herd.motions) if not motion.walks), jnp.zeros_like(phase))
+    rate = motions.mixed(own.rate, blend.share)
+    usual = own.rate.max()
+    idle = state.idle_phase + dt * jnp.where(standing > 1e-3, rate / jnp.maximum(standing, 1e-3), usual)
+    return dict(
+        phase=phase - jnp.floor(phase), idle_phase=idle - jnp.floor(idle), extra_time=state.gait.extra_time + dt
+    )
+
+
+def _ready(herd: HerdLayout, state: State, blend: Blend) -> Array:
+    """[n] where the clock of a resting character waits, so that a leg on the side it turns or moves to goes first.
+
+    The other leg would have to step across it.
+    """
+    sin, cos = jnp.sin(state.yaw), jnp.cos(state.yaw)
+    turn = controllers.wrap(state.facing - state.yaw)
+    left = state.desired[0] * cos - state.desired[1] * sin
+    signal = jnp.where(jnp.abs(turn) > TURNS, turn, left)
+    phase = state.phase
+    for side in (1, -1):
+        leg = next((i for i, s in enumerate(herd.sides) if s == side), None)
+        if leg is not None:
+            phase = jnp.where(signal * side > TURNS, blend.phase[leg] + READY, phase)
+    return phase
+
+
+def _stride(
+    herd: HerdLayout,
+    own: StrideAssets,
+    control: StrideControl,
+    dt: float,
+    character: Character,
+    state: State,
+    blend: Blend,
+    cycle_s: Array,
+    wall: Wall,
+) -> tuple[Array, Array, Footbase, tuple[Array, Array], tuple[Array, ...]]:
+    """Lean, ground axis, footbases, up axes and shares of each leg's cycle."""
+    before, after = wall(footing.relative, state)
+    stance = wall(lambda s, b: about(b.stance, s.yaw), state, blend)
+    held = wall(lambda s, b, *now: _support(s, b, cycle_s, *now), state, blend, stance, before, after)
+    ground_up = wall(lambda footing, s: body_tilt.ground_up(footing, s.gait.ground_up), held.footing, state)
+    leaning = wall(lambda s: _leaning(control, dt, s), state)
+    up = wall(lambda s, *now: _up(control, s, *now), state, ground_up, leaning, held.travel)
+    shares = wall(_shares, state, blend)
+    curve = wall(
+        lambda table, b, flown: flight.trajectory(table, herd.flight_samples, b.motion_weight, flown),
+        own.flight,
+        blend,
+        shares[2],
+    )
+    base = wall(
+        lambda c, s, b, *now: _footbase(control, c, s, b, *now),
+        character, state, blend, stance, before, after, curve, up[1], held.height,
+    )  # fmt: skip
+    planted, lifted, flown = shares
+    turn = wall(lambda base, yaw: base.yaw - yaw, base, state.yaw)
+    return leaning, ground_up, base, up, (planted, lifted, flown, turn)
+
+
+def _support(state: State, blend: Blend, cycle_s: Array, stance: Array, before, after) -> flight.Support:
+    x, _, z = state.gait.before
+    speed = jnp.sqrt(x * x + z * z + TINY)
+    direction = jnp.stack([x, z]) / speed
+    return flight.support(stance, before, after, state.gait.time, blend.keys, direction, speed * cycle_s)
+
+
+def _leaning(control: StrideControl, dt: float, state: State) -> Array:
+    x, _, z = state.gait.acceleration
+    sin, cos = jnp.sin(state.yaw), jnp.cos(state.yaw)
+    return body_tilt.lean(control.tilt, state.gait.leaning, jnp.stack([x * cos - z * sin, x * sin + z * cos]), dt)
+
+
+def _up(control: StrideControl, state: State, ground_up: Array, leaning: Array, travel: Array) -> tuple[Array, Array]:
+    """[3, n] up axes of body and legs, world."""
+    x, _, z = state.gait.velocity
+    back = -state.yaw
+    body, legs = body_tilt.up_axes(
+        control.tilt, about(ground_up, back), leaning, about(travel, back), jnp.sqrt(x * x + z * z + TINY)
+    )
+    return about(body, state.yaw), about(legs, state.yaw)
+
+
+def _shares(state: State, blend: Blend) -> tuple[Array, Array, Array]:
+    """Planted [L, n], lifted [L, n] and share of the flight [L, n]."""
+    time, keys = state.gait.time, blend.keys
+    planted = (time <= keys.liftoff) | (time >= keys.strike)
+    return planted, leg_cycle.lifted(time, keys), leg_cycle.ilerp(keys.liftoff, keys.strike, time)
+
+
+def _footbase(
+    control: StrideControl,
+    character: Character,
+    state: State,
+    blend: Blend,
+    stance: Array,
+    before,
+    after,
+    curve: Array,
+    up: Array,
+    base_height: Array,
+) -> Footbase:
+    zero = jnp.zeros_like(up)
+    sized = jnp.stack([curve[0] * character.scale, curve[1] * character.scale, curve[2]])
+    return flight.footbase(
+        zero, state.yaw, stance, before, after, state.gait.time, blend.keys, sized, up, base_height,
+        control.most_foot_turn,
+    )  # fmt: skip
