@@ -8,20 +8,20 @@ to a larger height: it rolls.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from crowd import posing
+from crowd.analysis.stride import feet, leg_lengths, stride_count, stride_poses
 from crowd.errors import fail
 from crowd.resampling import resample, resample_rotation
-from crowd.types import Archetype, Clip, Motion
+from crowd.types import Archetype, Clip
+
+__all__ = ["FINE", "Gait", "analyse", "feet", "leg_lengths", "longest_run", "stances"]
 
 FINE = 240  # samples per cycle used for detection; divisible by every stride count tried
 REACH = 5  # samples to either side used for a velocity
 SWING_SAMPLES = 33
-MOST_STRIDES = 6
 SLOW = 0.7  # Froude number v^2 / (g leg); people and animals run above about 0.5, mimics of walks stay below
 
 
@@ -70,20 +70,17 @@ def analyse(archetype: Archetype, clip: Clip, samples: int = 64) -> Gait:
         raise fail(where, "the archetype has no legs, a gait needs at least one")
     if len(clip.rotation) < 4:
         raise fail(where, f"{len(clip.rotation)} samples, a gait needs at least 4")
-    rotation, translation, strides = _mean_stride(archetype, clip)
+    strides = stride_count(archetype, clip)
+    rotation, translation = stride_poses(clip, strides, FINE)
     period = clip.duration / strides
     contact, _ = feet(archetype, rotation, translation)
     lengths = leg_lengths(archetype)
     if np.all(np.ptp(contact, axis=0).max(-1) < 0.02 * lengths):
         raise fail(where, "no foot moves by more than 2 % of its leg's length, so this is not a walk")
-    planted, direction, notes = _stances(archetype, contact, lengths, period, clip.speed)
+    planted, direction, speed, notes = stances(archetype, clip, contact, period)
     if strides > 1:
         notes.insert(0, f"clip '{clip.name}' holds {strides} strides; their mean is used")
-    pace = clip.speed if clip.speed is not None else _stance_speed(contact, planted, direction, period)
-    if clip.role == "walk" and pace**2 < SLOW * 9.81 * lengths.mean() and _unsupported(planted, notes):
-        planted = _widened(planted, contact[..., 1])
     lift, duty = _intervals(planted)
-    speed = clip.speed if clip.speed is not None else _stance_speed(contact, planted, direction, period)
     rest = np.stack([_middle(contact[planted[:, leg], leg][:, [0, 2]]) for leg in range(len(archetype.legs))])
     start = lift[0] * FINE
     at = start + np.arange(samples) / samples * FINE
@@ -92,7 +89,7 @@ def analyse(archetype: Archetype, clip: Clip, samples: int = 64) -> Gait:
     return Gait(
         name=clip.name,
         period=period,
-        speed=float(speed),
+        speed=speed,
         direction=direction,
         lift=np.mod(lift - lift[0], 1.0),
         duty=duty,
@@ -106,15 +103,21 @@ def analyse(archetype: Archetype, clip: Clip, samples: int = 64) -> Gait:
     )
 
 
-def feet(archetype: Archetype, rotation: np.ndarray, translation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Contact points [F, L, 3] and ankles [F, L, 3] in the character frame, of poses [F, J, 4] and [F, J, 3]."""
-    count = len(rotation)
-    still = Motion(np.zeros((count, 3)), np.tile([1.0, 0, 0, 0], (count, 1)), rotation, translation, np.ones(count))
-    joint_q, joint_p = posing.world_transforms(archetype.skeleton, still)
-    ball = [leg.ball for leg in archetype.legs]
-    offset = np.array([leg.ball_offset for leg in archetype.legs])
-    ankle = [leg.ankle for leg in archetype.legs]
-    return joint_p[:, ball] + posing.rotate(joint_q[:, ball], offset), joint_p[:, ankle]
+def stances(
+    archetype: Archetype, clip: Clip, contact: np.ndarray, period: float, supported: bool = True
+) -> tuple[np.ndarray, np.ndarray, float, list[str]]:
+    """Planted mask [FINE, L] with one interval per leg, travel direction [2], speed in m/s, and notes.
+
+    contact: [FINE, L, 3] m, character frame, points of the feet that rest on the ground in stance. supported: widen the
+    stances of a walk until some foot is always planted; else they are what the clip shows.
+    """
+    lengths = leg_lengths(archetype)
+    planted, direction, notes = _stances(archetype, contact, lengths, period, clip.speed)
+    pace = clip.speed if clip.speed is not None else _stance_speed(contact, planted, direction, period)
+    if supported and clip.role == "walk" and pace**2 < SLOW * 9.81 * lengths.mean() and _unsupported(planted, notes):
+        planted = _widened(planted, contact[..., 1])
+        pace = clip.speed if clip.speed is not None else _stance_speed(contact, planted, direction, period)
+    return planted, direction, float(pace), notes
 
 
 def _unsupported(planted: np.ndarray, notes: list[str]) -> bool:
@@ -128,7 +131,7 @@ def _unsupported(planted: np.ndarray, notes: list[str]) -> bool:
 def _widened(planted: np.ndarray, height: np.ndarray) -> np.ndarray:
     """Stances grown at whichever end the foot is lower until some foot is always planted."""
     out = planted.copy()
-    runs = [list(_longest_run(out[:, leg])) for leg in range(out.shape[1])]
+    runs = [list(longest_run(out[:, leg])) for leg in range(out.shape[1])]
     while not out.any(1).all() and out.mean(0).min() < 0.6:
         for leg, run in enumerate(runs):
             before, behind = (run[0] - 1) % FINE, (run[0] + run[1]) % FINE
@@ -144,36 +147,6 @@ def _widened(planted: np.ndarray, height: np.ndarray) -> np.ndarray:
 def _middle(path: np.ndarray) -> np.ndarray:
     """[2] half-way between the ends of a planted foot's path; its mean would lie where a body that pauses pauses."""
     return 0.5 * (path.min(0) + path.max(0))
-
-
-def leg_lengths(archetype: Archetype) -> np.ndarray:
-    """Length of each leg along its bones from hip to contact point [L], m, in the rest pose; at least 1 mm."""
-    joint_q, joint_p = posing.world_transforms(archetype.skeleton, posing.rest_motion(archetype.skeleton))
-    lengths = []
-    for leg in archetype.legs:
-        tip = joint_p[leg.ball] + posing.rotate(joint_q[leg.ball], np.array(leg.ball_offset))
-        chain = [tip, joint_p[leg.ankle], joint_p[leg.knee], joint_p[leg.hip]]
-        lengths.append(sum(np.linalg.norm(a - b) for a, b in itertools.pairwise(chain)))
-    return np.maximum(np.array(lengths), 1e-3)
-
-
-def _mean_stride(archetype: Archetype, clip: Clip) -> tuple[np.ndarray, np.ndarray, int]:
-    """Pose of one stride at FINE samples, and how many strides the clip holds."""
-    for strides in range(MOST_STRIDES, 1, -1):
-        at = np.arange(strides * FINE) * (len(clip.rotation) / (strides * FINE))
-        rotation, translation = resample_rotation(clip.rotation, at, True), resample(clip.translation, at, True)
-        contact, _ = feet(archetype, rotation, translation)
-        spread = contact - contact.mean(0)
-        by_stride = contact.reshape(strides, FINE, *contact.shape[1:])
-        change = by_stride - np.roll(by_stride, 1, 0)
-        # feet out of step by half a cycle differ by about twice their spread; equal strides hardly at all
-        if np.mean(change**2) < 0.25**2 * np.mean(spread**2):
-            q = rotation.reshape(strides, FINE, *rotation.shape[1:])
-            q = np.sum(np.where(np.sum(q * q[:1], -1, keepdims=True) < 0, -q, q), 0)
-            q = q / np.linalg.norm(q, axis=-1, keepdims=True)
-            return q, translation.reshape(strides, FINE, *translation.shape[1:]).mean(0), strides
-    at = np.arange(FINE) * (len(clip.rotation) / FINE)
-    return resample_rotation(clip.rotation, at, True), resample(clip.translation, at, True), 1
 
 
 def _velocity(contact: np.ndarray, period: float) -> np.ndarray:
@@ -203,7 +176,7 @@ def _stances(
         near = height[:, leg] < 2 * level[leg]
         stands = (low[:, leg] & moving) | rolls[:, leg]
         choices = [stands, low[:, leg], moving] if pace > 0 else [low[:, leg]]
-        runs = [_longest_run(_closed(choice, near)) for choice in choices]
+        runs = [longest_run(_closed(choice, near)) for choice in choices]
         usable = [run for run in runs if 0.05 * FINE <= run[1] <= 0.95 * FINE]
         if not usable:
             longest = max(run[1] for run in runs)
@@ -240,7 +213,7 @@ def _pause(height: np.ndarray, velocity: np.ndarray, level: float, pace: float) 
     still = (height < level / 3) & (np.linalg.norm(velocity, axis=-1) < 0.1 * pace)
     out = np.zeros_like(still)
     while still.any():
-        start, length = _longest_run(still)
+        start, length = longest_run(still)
         if length < 0.1 * FINE:
             break
         run = (start + np.arange(length)) % FINE
@@ -266,7 +239,7 @@ def _closed(mask: np.ndarray, near: np.ndarray) -> np.ndarray:
     return out
 
 
-def _longest_run(mask: np.ndarray) -> tuple[int, int]:
+def longest_run(mask: np.ndarray) -> tuple[int, int]:
     """(first sample, length) of the longest run of a periodic mask."""
     if mask.all():
         return 0, len(mask)
@@ -291,7 +264,7 @@ def _around_lowest(height: np.ndarray, share: float) -> tuple[int, int]:
 
 def _intervals(planted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lift-off phase [L] (clip time) and duty [L] of masks with one run each; edges lie midway between samples."""
-    runs = [_longest_run(planted[:, leg]) for leg in range(planted.shape[1])]
+    runs = [longest_run(planted[:, leg]) for leg in range(planted.shape[1])]
     lift = np.array([(start + length - 0.5) / FINE for start, length in runs])
     duty = np.array([length / FINE for _, length in runs])
     return np.mod(lift, 1.0), np.clip(duty, 0.05, 0.95)
@@ -306,7 +279,7 @@ def _stance_speed(contact: np.ndarray, planted: np.ndarray, direction: np.ndarra
     backward = -_velocity(contact, period)[..., [0, 2]] @ direction
     sure = np.zeros_like(planted)
     for leg in range(planted.shape[1]):
-        start, length = _longest_run(planted[:, leg])
+        start, length = longest_run(planted[:, leg])
         margin = min(REACH, length // 4)
         sure[(start + np.arange(margin, max(length - margin, margin + 1))) % FINE, leg] = True
     told = sure.any(1)
