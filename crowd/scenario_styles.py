@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import BeforeValidator, Field
 
 from crowd.errors import nearest
 from crowd.scenario_types import Model
+from crowd.scenario_yaml import KeyPath
+
+if TYPE_CHECKING:
+    from crowd.scenario_herd import Event, Herd
 
 NORMAL = "normal"  # the style of the roles that detection, or the description's roles, give
 MOVES = ("walk", "run", "step")
@@ -58,3 +62,15 @@ def unknown(kind: str, name: str, known: list[str], most: int = 30) -> str:
     """What is told of a name that is not among the known ones."""
     more = ", ..." if len(known) > most else ""
     return f"no {kind} '{name}'{nearest(name, known)}; {kind}s: {', '.join(known[:most])}{more}"
+
+
+def style_checks(herds: Mapping[int, Herd], events: Mapping[int, Event]) -> Iterator[tuple[KeyPath, str]]:
+    """Problems of styles and of events that play, as far as they need no character; by key path."""
+    for index, herd in herds.items():
+        for name, text in style_faults(herd.styles):
+            yield ("herds", index, "styles", name), text
+    for index, event in events.items():
+        if event.fade_s is not None and not event.plays:
+            yield ("events", index, "fade_s"), f"{event.fade_s:g}: only a style or a clip fades"
+        if event.hold_s is not None and event.clip is None:
+            yield ("events", index, "hold_s"), f"{event.hold_s:g}: only a clip is held"

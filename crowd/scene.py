@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from crowd.errors import InputError, fail
 from crowd.ground import Ground
 from crowd.scenario import Scenario
 from crowd.scenario_herd import Herd
+from crowd.styles import Play, StyleClips, repertoire, unmet
 from crowd.types import Archetype, Clip
 
 MOST_GAITS = 4
@@ -38,6 +40,11 @@ class HerdScene:
     mass: np.ndarray  # [n] kg
     speed: np.ndarray  # [n] factor on desired speeds
     phase: np.ndarray  # [n] cycles, where each one's clip starts
+    styles: tuple[StyleClips, ...]  # those in use
+    style: int  # into `styles`, at the start
+    extras: tuple[Clip, ...]  # clips that events play; channels of `plays` are styles, then extras
+    plays: tuple[Play, ...]  # style and clip events that meet this herd
+    notes: tuple[str, ...]  # what of styles and events the user may not have meant
 
     @property
     def count(self) -> int:
@@ -95,13 +102,14 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Sequence[
     problems, herds = [], []
     for index, model in enumerate(scenario.herds):
         try:
-            key = f"{model.archetype} {model.rig}"
+            key = f"{model.archetype} {model.rig} {model.styles}"
             if key not in cache:
-                cache[key] = characters.load(model.archetype, scenario.folder, model.rig)
+                place = partial(scenario.where, "herds", index, "styles")
+                cache[key] = characters.load(model.archetype, scenario.folder, model.rig, model.styles, place)
             herds.append(_herd(scenario, index, cache[key], terrain))
         except InputError as error:
             problems += error.problems
-    if problems:
+    if problems := problems or unmet(scenario, herds):
         raise InputError(dict.fromkeys(problems))
     return Scene(scenario, terrain, tuple(herds))
 
@@ -113,18 +121,25 @@ def _herd(scenario: Scenario, index: int, archetype: Archetype, terrain: Ground)
     grounds.refuse_missing(terrain, points, scenario.where("herds", index, "place"))
     drawn = placement.variation(model, scenario.seed)
     phase = placement.uniforms(scenario.seed, model.name, "phase", model.count, 1)[:, 0]
+    idle = standing(archetype)
+    plays = repertoire(scenario, index, archetype, idle)
     return HerdScene(
         name=model.name,
         model=model,
         archetype=archetype,
         gaits=locomotion(archetype, where),
-        idle=standing(archetype),
+        idle=idle,
         points=points,
         headings=headings,
         scale=drawn["height"],
         mass=archetype.mass * drawn["height"] ** 3 * drawn["mass"],
         speed=drawn["speed"],
         phase=phase,
+        styles=plays.styles,
+        style=plays.style,
+        extras=plays.extras,
+        plays=plays.plays,
+        notes=plays.notes,
     )
 
 

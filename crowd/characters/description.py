@@ -40,7 +40,7 @@ class ArmDescription(Model):
 class ClipRoles(Model):
     """Clip names by role in style "normal"; a role left out is detected, an empty list means none.
 
-    `other` clips, and those only another style names, play in style "normal" only when asked for by name.
+    `other` clips, and walks, runs and steps that only another style names, are none of style "normal".
     """
 
     idle: str | None = None

@@ -191,9 +191,13 @@ class _Rest:
         return lowest
 
     def _of_normal(self, clips: list[ClipReport]) -> list[ClipReport]:
-        """Clips that only other styles name are none of style "normal"."""
+        """Walks, runs and steps that only other styles name are none of style "normal", where it keeps a gait."""
         styles = self.given.clips.styles
-        taken = {clip_name(self.subject.raw, n, key): key for key, s in styles.items() for n, _ in s.listed}
+        moves = [(n, key) for key, style in styles.items() for n, role in style.listed if role != "idle"]
+        taken = {clip_name(self.subject.raw, name, key): key for name, key in moves}
+        own = {name for role in ("walk", "run") for name in getattr(self.given.clips, role) or []}
+        if not own and all(r.name in taken for r in clips if r.role in ("walk", "run")):
+            return clips
         return [
             replace(r, role="other", why=f"plays in style '{taken[r.name]}'") if r.name in taken else r for r in clips
         ]

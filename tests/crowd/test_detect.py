@@ -353,14 +353,16 @@ def test_description_overrides_detection(tmp_path: Path) -> None:
 
 
 def test_styles_in_the_description(tmp_path: Path) -> None:
-    """Clips of other styles are none of style normal, are prepared as gaits, and names may be single ones."""
+    """Gaits of other styles are none of style normal, are prepared as gaits, and names may be single ones."""
     clips = {"styles": {"hurry": {"idle": "two", "run": "three"}}, "also_backwards": ["one", "three"]}
     archetype = loaded(biped(), tmp_path, {"clips": clips})
-    assert roles(archetype) == {"two": "other", "one": "walk", "three": "other"}
+    assert roles(archetype) == {"two": "idle", "one": "walk", "three": "other"}
     assert archetype.styles == (Style("hurry", (("two", "idle"), ("three", "run"))),)
     assert archetype.also_backwards == ("one", "three")
     assert abs(contacts(archetype, "three")[..., 1].min()) < 1e-6
     assert all(clip.cyclic for clip in archetype.clips)
+    shared = loaded(biped(), tmp_path, {"clips": {"styles": {"all": {"walk": "one", "run": "three"}}}})
+    assert roles(shared) == {"two": "idle", "one": "walk", "three": "run"}  # or style normal would have no gait
     both = loaded(biped(), tmp_path, {"clips": {"run": "three", "idle": "two", **clips}})
     assert roles(both) == {"two": "idle", "one": "walk", "three": "run"}
     found = inspect(tmp_path / "a.glb", {"clips": {"run": "three", "idle": "two", **clips}})
