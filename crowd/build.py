@@ -11,7 +11,8 @@ from crowd.assets import Assets, World
 from crowd.herd_assets import herd_assets, herd_layout
 from crowd.initial import initial_state
 from crowd.layout import TILE, Layout
-from crowd.params import Character, Control, Events, Fluids, Params, Sigmoid
+from crowd.params import Character, Control, Events, Fluids, Params, Sigmoid, StyleEvents
+from crowd.scenario_herd import Event
 from crowd.scenario_world import Sigmoid as SigmoidModel
 from crowd.scene import HerdScene, Scene, by_priority
 from crowd.state import Footsteps, State, Strides
@@ -47,6 +48,7 @@ def build(scene: Scene, devices: int = 1, walls: bool = True, tile: int = TILE) 
         events=_events(scene),
         strides=tuple(stride_control(herd) for herd in scene.herds) if layout.gait == "semi_procedural" else (),
         characters=tuple(Character(**_tiled(_character(scene, herd), devices, tile)) for herd in scene.herds),
+        styles=tuple(_styles(scene, herd) for herd in scene.herds),
     )
     states = tuple(_state(scene, herd, layout, devices, tile) for herd in scene.herds)
     assets, params, states = jax.device_put((assets, params, states))
@@ -78,7 +80,8 @@ def _tiled(fields: dict[str, np.ndarray], devices: int, tile: int) -> dict[str, 
 
 def _layout(scene: Scene, walls: bool) -> Layout:
     scenario = scene.scenario
-    impulses = sum(event.impulse_n_s is not None for event in scenario.events)
+    moving = [event for event in scenario.events if not event.plays]
+    impulses = sum(event.impulse_n_s is not None for event in moving)
     names = ["slope"] if scene.terrain.kind in ("slope", "ramp", "grid") else []
     names += ["impulse"] if impulses else []
     names += ["drag"] if scenario.world.fluids else []
@@ -89,7 +92,7 @@ def _layout(scene: Scene, walls: bool) -> Layout:
         ground=scene.terrain.kind,
         ground_shape=grid.shape if grid is not None else (1, 1),  # pyright: ignore[reportArgumentType]
         regions=len(scenario.world.fluids),
-        turns=len(scenario.events) - impulses,
+        turns=len(moving) - impulses,
         gait=scenario.gait,
         bands=scenario.bands,
         compat=scenario.compat,
@@ -174,7 +177,7 @@ def _control() -> Control:
 
 
 def _events(scene: Scene) -> Events:
-    events, rate = scene.scenario.events, scene.scenario.rate_hz
+    events, rate = [event for event in scene.scenario.events if not event.plays], scene.scenario.rate_hz
     pushes = [event for event in events if event.impulse_n_s is not None]
     turns = [event for event in events if event.impulse_n_s is None]
 
@@ -218,8 +221,31 @@ def _character(scene: Scene, herd: HerdScene) -> dict[str, np.ndarray]:
         way_speed=(way.speed_m_s if way else 0.0) * herd.speed,
         impulse=_chosen(scene, herd, impulses=True),
         turn=_chosen(scene, herd, impulses=False),
+        style=_playing(scene, herd),
         **values,
     )
+
+
+def _styles(scene: Scene, herd: HerdScene) -> StyleEvents:
+    events, rate, plays = scene.scenario.events, scene.scenario.rate_hz, herd.plays
+    return StyleEvents(
+        frame=np.array([round(events[play.event].at_s * rate) for play in plays], np.int32),  # pyright: ignore[reportArgumentType]
+        target=np.array([play.channel for play in plays], np.int32),  # pyright: ignore[reportArgumentType]
+        fade=_f32(np.array([play.fade for play in plays])),
+        hold=_f32(np.array([play.hold for play in plays])),
+    )
+
+
+def _playing(scene: Scene, herd: HerdScene) -> np.ndarray:
+    """[E, n] 1 where a style or clip event of the herd meets a character."""
+    rows = np.zeros((len(herd.plays), herd.count))
+    for row, play in zip(rows, herd.plays, strict=True):
+        row[_who(scene.scenario.events[play.event])] = 1.0
+    return rows
+
+
+def _who(event: Event) -> slice | list[int]:
+    return slice(None) if event.characters == "all" else list(event.characters)
 
 
 def _extent(herd: HerdScene) -> float:
@@ -231,10 +257,10 @@ def _chosen(scene: Scene, herd: HerdScene, impulses: bool) -> np.ndarray:
     """[E, n] 1 where an event meets a character."""
     rows = []
     for event in scene.scenario.events:
-        if (event.impulse_n_s is not None) != impulses:
+        if event.plays or (event.impulse_n_s is not None) != impulses:
             continue
         row = np.zeros(herd.count)
         if event.herds is None or herd.name in event.herds:
-            row[slice(None) if event.characters == "all" else list(event.characters)] = 1.0
+            row[_who(event)] = 1.0
         rows.append(row)
     return np.array(rows).reshape(-1, herd.count)

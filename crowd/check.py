@@ -53,7 +53,7 @@ def needs(scene: Scene, frames: int | None = None) -> Needs:
     """Estimates for `frames` frames (the scenario's when None). Compiles nothing."""
     notes = [*scene.terrain.notes]
     for herd in scene.herds:
-        notes += [f"{herd.name}: {note}" for note in herd.archetype.notes]
+        notes += [f"{herd.name}: {note}" for note in (*herd.archetype.notes, *herd.notes)]
     count = scene.scenario.frame_count if frames is None else frames
     return Needs(tuple(_needs(scene, herd, count) for herd in scene.herds), tuple(dict.fromkeys(notes)))
 

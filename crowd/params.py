@@ -82,6 +82,7 @@ class Character:
     way_speed: Array  # [n] m/s, along way-points
     impulse: Array  # [E, n] 1 where an impulse event meets the character
     turn: Array  # [E, n] 1 where a velocity event meets it
+    style: Array  # [E, n] 1 where an event of the herd's `StyleEvents` meets it
 
 
 @pytree
@@ -97,9 +98,20 @@ class Events:
 
 
 @pytree
+class StyleEvents:
+    """E changes of style and plays of clips that meet one herd, by frame (spec 6.4, 6.5)."""
+
+    frame: Array  # [E] int32, when the cross-fade begins
+    target: Array  # [E] int32, channel: the herd's styles first, then its extras
+    fade: Array  # [E] s, of the cross-fade there, and back from a clip; may be 0
+    hold: Array  # [E] s from `frame` until the fade back to the style begins; inf for styles
+
+
+@pytree
 class Params:
     fluids: Fluids
     control: Control
     events: Events
     strides: tuple[StrideControl, ...]  # per herd; empty for the other gaits
     characters: tuple[Character, ...]  # per herd, [tiles, ..., 128]
+    styles: tuple[StyleEvents, ...]  # per herd

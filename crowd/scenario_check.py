@@ -26,6 +26,7 @@ from crowd.scenario_herd import (
     PoissonDisc,
     Uniform,
 )
+from crowd.scenario_styles import style_checks
 from crowd.scenario_types import Model
 from crowd.scenario_world import FluidRegion, FluidTable, HeightMap, Ramp, World
 from crowd.scenario_yaml import Document, KeyPath
@@ -60,6 +61,7 @@ def cross_checks(document: Document, data: dict[str, Any], table: FluidTable | N
     checks = (_sizes, _names, _places, _variations, _ground, _overlaps, _events, _times)
     problems = [Problem(document.where(path), text) for check in checks for path, text in check(parts, data)]
     problems += [Problem(document.where(path), text) for path, text in _files(parts, data, folder)]
+    problems += [Problem(document.where(path), text) for path, text in style_checks(parts.herds, parts.events)]
     if table is not None:
         problems += [Problem(document.where(path), text) for path, text in _fluids(parts, table)]
     return problems

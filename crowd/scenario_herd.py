@@ -6,6 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
+from crowd.scenario_styles import NORMAL, ClipName, Styles
 from crowd.scenario_types import Flag, Model, Name, NotNegative, Number, Point, Positive
 
 BUILT_IN = ("human", "dog", "hexapod")
@@ -188,6 +189,10 @@ class Herd(Model):
     variation: Variation = Variation()
     gains: Gains = Gains()
     locomotion: Locomotion = Locomotion()
+    style: Name = NORMAL
+    """Way of moving at the start: a style of the character, or of `styles`."""
+    styles: Styles = Field(default_factory=dict)
+    """Ways of moving beside the character's own: style: {idle: ..., walk: [...], run: [...], step: [...]}."""
     arms_up: Flag = True
     """Arms are kept above the surface in deep fluid."""
 
@@ -195,7 +200,7 @@ class Herd(Model):
 class Event(Model):
     """Something that happens at a time to chosen characters."""
 
-    exactly_one: ClassVar[tuple[str, ...]] = ("impulse_n_s", "velocity_m_s")
+    exactly_one: ClassVar[tuple[str, ...]] = ("impulse_n_s", "velocity_m_s", "style", "clip")
 
     at_s: NotNegative
     herds: Annotated[tuple[Name, ...], Field(min_length=1)] | None = None
@@ -205,5 +210,18 @@ class Event(Model):
     impulse_n_s: tuple[Number, Number, Number] | None = None
     velocity_m_s: tuple[Speed, Speed] | None = None
     """New desired velocity [x, z] from then on."""
+    style: Name | None = None
+    """Way of moving from then on; with `herds` left out: of the herds that have it."""
+    clip: ClipName | None = None
+    """Clip to play over the walking or standing, then back; with `herds` left out: by the herds that have it."""
+    fade_s: NotNegative | None = None
+    """Cross-fade to the style (left out: 0.3) or to the clip and back (0.1)."""
+    hold_s: Positive | None = None
+    """How long the clip plays until it fades back; left out: once through."""
     frame: Literal["world", "character"] = "world"
     """Axes of the impulse or velocity."""
+
+    @property
+    def plays(self) -> bool:
+        """Whether it is about what characters play; otherwise it moves them."""
+        return self.style is not None or self.clip is not None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,15 @@ from crowd import characters, placement
 from crowd import ground as grounds
 from crowd import scenario as scenarios
 from crowd.analysis.gait import Gait, analyse
-from crowd.analysis.motion import Foot, Motion, feet_of, motion_of
+from crowd.analysis.foot import Foot
+from crowd.analysis.motion import Motion
+from crowd.analysis.motion_set import Entry, MotionSet, default_clips, motion_set
 from crowd.errors import InputError, fail
 from crowd.ground import Ground
 from crowd.scenario import Scenario
 from crowd.scenario_herd import Herd
+from crowd.scenario_styles import NORMAL
+from crowd.styles import Play, Repertoire, StyleClips, repertoire, unmet
 from crowd.types import Archetype, Clip
 
 MOST_GAITS = 4
@@ -33,16 +38,20 @@ class HerdScene:
     archetype: Archetype
     gaits: tuple[Gait, ...]  # slowest first
     idle: Clip
-    motions: tuple[Motion, ...]  # semi-procedural: analysed, in the order of their styles; else none
-    feet: tuple[Foot, ...]
-    style: int  # at the start
-    extras: tuple[Clip, ...]  # other clips that events play
+    motions: tuple[Motion, ...]  # semi-procedural: analysed and on one clock; else none
+    groups: tuple[int, ...]  # of each motion, into `styles`
+    feet: tuple[Foot, ...]  # of each leg, with the motions
     points: np.ndarray  # [n, 2] m, world (x, z)
     headings: np.ndarray  # [n] rad
     scale: np.ndarray  # [n] factor on lengths
     mass: np.ndarray  # [n] kg
     speed: np.ndarray  # [n] factor on desired speeds
     phase: np.ndarray  # [n] cycles, where each one's clip starts
+    styles: tuple[StyleClips, ...]  # those in use
+    style: int  # into `styles`, at the start
+    extras: tuple[Clip, ...]  # clips that events play; channels of `plays` are styles, then extras
+    plays: tuple[Play, ...]  # style and clip events that meet this herd
+    notes: tuple[str, ...]  # what of styles and events the user may not have meant
 
     @property
     def count(self) -> int:
@@ -100,13 +109,14 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Sequence[
     problems, herds = [], []
     for index, model in enumerate(scenario.herds):
         try:
-            key = f"{model.archetype} {model.rig}"
+            key = f"{model.archetype} {model.rig} {model.styles}"
             if key not in cache:
-                cache[key] = characters.load(model.archetype, scenario.folder, model.rig)
+                place = partial(scenario.where, "herds", index, "styles")
+                cache[key] = characters.load(model.archetype, scenario.folder, model.rig, model.styles, place)
             herds.append(_herd(scenario, index, cache[key], terrain))
         except InputError as error:
             problems += error.problems
-    if problems:
+    if problems := problems or unmet(scenario, herds):
         raise InputError(dict.fromkeys(problems))
     return Scene(scenario, terrain, tuple(herds))
 
@@ -118,29 +128,52 @@ def _herd(scenario: Scenario, index: int, archetype: Archetype, terrain: Ground)
     grounds.refuse_missing(terrain, points, scenario.where("herds", index, "place"))
     drawn = placement.variation(model, scenario.seed)
     phase = placement.uniforms(scenario.seed, model.name, "phase", model.count, 1)[:, 0]
-    strides = scenario.gait == "semi_procedural"
-    feet = feet_of(archetype)
-    motions = []
-    if strides:
-        motions = [motion_of(archetype, standing(archetype), feet, True)]
-        motions += [motion_of(archetype, c, feet) for c in archetype.clips if c.role in ("walk", "run")]
+    idle = standing(archetype)
+    plays = repertoire(scenario, index, archetype, idle)
+    motions = _motions(scenario, archetype, plays) if scenario.gait == "semi_procedural" else None
     return HerdScene(
-        motions=tuple(motions),
-        feet=feet,
-        style=0,
-        extras=(),
+        motions=motions.motions if motions is not None else (),
+        groups=_numbers(motions, plays) if motions is not None else (),
+        feet=motions.feet if motions is not None else (),
+        notes=(*plays.notes, *(motions.notes if motions is not None else ())),
         name=model.name,
         model=model,
         archetype=archetype,
         gaits=locomotion(archetype, where),
-        idle=standing(archetype),
+        idle=idle,
         points=points,
         headings=headings,
         scale=drawn["height"],
         mass=archetype.mass * drawn["height"] ** 3 * drawn["mass"],
         speed=drawn["speed"],
         phase=phase,
+        styles=plays.styles,
+        style=plays.style,
+        extras=plays.extras,
+        plays=plays.plays,
     )
+
+
+def _motions(scenario: Scenario, archetype: Archetype, plays: Repertoire) -> MotionSet:
+    """Analysed motions of the styles in use. Of style normal those that detection selects."""
+    if [style.name for style in plays.styles] == [NORMAL] and not archetype.also_backwards:
+        return motion_set(archetype, compat=scenario.compat)
+    entries: list[Entry] = []
+    for style in plays.styles:
+        if style.name == NORMAL:
+            entries += [(c, NORMAL, back or c.name in archetype.also_backwards) for c, _, back in default_clips(archetype)]
+            continue
+        back = [name for name in archetype.also_backwards if any(clip.name == name for clip, _ in style.clips)]
+        if not back and not any(clip.role == "step" for clip, _ in style.clips):  # no way back: its first walk reversed
+            back = [clip.name for clip, _ in style.clips if clip.role in ("walk", "run")][:1]
+        entries += [(clip, style.name, clip.name in back) for clip, _ in style.clips]
+    return motion_set(archetype, entries, scenario.compat)
+
+
+def _numbers(motions: MotionSet, plays: Repertoire) -> tuple[int, ...]:
+    """The style of each motion."""
+    names = [style.name for style in plays.styles]
+    return tuple(names.index(group) if group in names else 0 for group in motions.groups)
 
 
 def locomotion(archetype: Archetype, where: str) -> tuple[Gait, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,10 @@ TILTS = {1: (0.0, 0.0), 2: (0.0, 0.0), 3: (0.0, 1.0), 4: (0.0, 1.0)}  # hug acro
 
 def motion_layout(herd: HerdScene) -> tuple[Motion, ...]:
     """Analysed motions in the order of the tables."""
-    return tuple(Motion(motion.name, motion.style, motion.kind == "walk") for motion in herd.motions)
+    return tuple(
+        Motion(motion.name, style, motion.kind == "walk")
+        for motion, style in zip(herd.motions, herd.groups, strict=True)
+    )
 
 
 def chains(herd: HerdScene) -> tuple[tuple[int, ...], ...]:
@@ -75,7 +79,7 @@ def _flight(motion: AnalysedMotion) -> np.ndarray:
 
 
 def _reach(at: np.ndarray, chain: tuple[int, ...]) -> float:
-    return float(sum(np.linalg.norm(at[a] - at[b]) for a, b in zip(chain, chain[1:], strict=False)))
+    return float(sum(np.linalg.norm(at[a] - at[b]) for a, b in itertools.pairwise(chain)))
 
 
 def stride_control(herd: HerdScene) -> StrideControl:
@@ -158,7 +162,7 @@ def _nearest(herd: HerdScene, local: np.ndarray) -> np.ndarray:
     """[n] the motion of the first style whose velocity is nearest to the one asked for, (x, z) at scale 1."""
     velocity = np.stack([motion.velocity[[0, 2]] for motion in herd.motions])
     away = np.linalg.norm(velocity[:, :, None] - local, axis=1)
-    other = np.array([motion.style != herd.style for motion in herd.motions])
+    other = np.array([style != herd.style for style in herd.groups])
     return np.argmin(away + 1e6 * other[:, None], axis=0)
 
 

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-ClipRole = Literal["idle", "walk", "run", "other"]
+ClipRole = Literal["idle", "walk", "run", "step", "other"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,16 +32,17 @@ class Skeleton:
 class Clip:
     """A motion sampled uniformly over its duration, in place (no net root translation).
 
-    Sample f of a cyclic clip lies at f / F of the duration (the first sample is not repeated at the end).
+    Sample f of a cyclic clip lies at f / F of the duration (the first sample is not repeated at the end), of another
+    clip at f / (F - 1).
     """
 
     name: str
-    role: ClipRole  # gaits faster than a walk (jog, trot, gallop) are "run"
+    role: ClipRole  # gaits faster than a walk (jog, trot, gallop) are "run", those not forward "step"
     duration: float  # s
     rotation: np.ndarray  # [F, J, 4] wxyz, joint to parent
     translation: np.ndarray  # [F, J, 3] m, in the parent's frame
     cyclic: bool = True
-    speed: float | None = None  # m/s, where known (root motion removed, authored); None: measured from the feet
+    speed: float | None = None  # m/s, along its way, where known (root motion removed, authored); None: measured
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,14 @@ class Mesh:
     inverse_bind: np.ndarray  # [J, 4, 4] character frame (bind) to joint frame
 
 
+@dataclass(frozen=True)
+class Style:
+    """A way of moving beside "normal": clips by name, and what each is in it (never "other")."""
+
+    name: str
+    clips: tuple[tuple[str, ClipRole], ...]  # at least one walk or run
+
+
 @dataclass(frozen=True, eq=False)
 class Archetype:
     """A species: its rig, its skin and its clips, normalised to the conventions above."""
@@ -91,12 +100,14 @@ class Archetype:
     mesh: Mesh
     legs: tuple[Leg, ...]  # any number; left before right, front before hind
     arms: tuple[Arm, ...]
-    clips: tuple[Clip, ...]  # at least one locomotion clip ("walk" or "run")
+    clips: tuple[Clip, ...]  # roles in style "normal", with at least one walk or run; "other": played when asked for
     pelvis: int  # joint between the hips; its translation is animated
     height: float  # m, standing
     mass: float  # kg
     source: str = "built-in"
     notes: tuple[str, ...] = field(default=())  # what the importer was unsure of, for the user
+    styles: tuple[Style, ...] = ()  # beside "normal"
+    also_backwards: tuple[str, ...] = ()  # clips that serve reversed, too, for going the other way
 
 
 @dataclass(frozen=True, eq=False)

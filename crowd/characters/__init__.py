@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from crowd.errors import fail, nearest
+from crowd.scenario_styles import StyleNames
 from crowd.types import Archetype
 
 BUILT_IN = ("human", "dog", "hexapod")
@@ -15,12 +16,19 @@ SUFFIXES = (".glb", ".gltf", ".bvh", ".yaml", ".yml")
 __all__ = ["BUILT_IN", "load"]
 
 
-def load(reference: str, base: Path | str = ".", rig: object = None) -> Archetype:
+def load(
+    reference: str,
+    base: Path | str = ".",
+    rig: object = None,
+    styles: Mapping[str, StyleNames] | None = None,
+    where: Callable[..., str] = lambda *keys: ".".join(("styles", *keys)),
+) -> Archetype:
     """The character a scenario names.
 
     reference: a built-in name, or the path of a .glb, .gltf or .bvh file, or of a rig description .yaml that names
     its asset; relative to the folder `base`. rig: overrides for detection: the path of a rig description, a mapping
-    with its keys, or a `RigDescription`; not for built-in names.
+    with its keys, or a `RigDescription`; not for built-in names. styles: beside the character's own, by name; where:
+    the place of a key path below them, for messages.
     Raises InputError naming the file and the place.
     """
     folder = Path(base)
@@ -29,7 +37,11 @@ def load(reference: str, base: Path | str = ".", rig: object = None) -> Archetyp
             raise fail(f"archetype '{reference}'", "a built-in character takes no rig description")
         from crowd.characters.builtin import build
 
-        return build(reference)
+        if not styles:
+            return build(reference)
+        from crowd.characters.styles import with_styles
+
+        return with_styles(build(reference), styles, where)
     suffix = Path(reference).suffix.lower()
     if suffix not in SUFFIXES:
         known = ", ".join(BUILT_IN)
@@ -38,10 +50,12 @@ def load(reference: str, base: Path | str = ".", rig: object = None) -> Archetyp
             f"is no built-in character{nearest(reference, BUILT_IN)} ({known}) and no file ending in "
             f"{', '.join(SUFFIXES)}",
         )
-    return _from_file(folder / reference, folder, rig)
+    return _from_file(folder / reference, folder, rig, styles or {}, where)
 
 
-def _from_file(path: Path, folder: Path, rig: object) -> Archetype:
+def _from_file(
+    path: Path, folder: Path, rig: object, styles: Mapping[str, StyleNames], where: Callable[..., str]
+) -> Archetype:
     from crowd.characters.description import RigDescription, parse
     from crowd.characters.description import read as read_description
 
@@ -70,4 +84,10 @@ def _from_file(path: Path, folder: Path, rig: object) -> Archetype:
         from crowd.characters.gltf_scene import read_rig
     from crowd.characters.normalise import character_from_rig
 
-    return character_from_rig(read_rig(path), description)
+    raw = read_rig(path)
+    if styles:
+        from crowd.characters.styles import check_clips, described
+
+        check_clips(styles, [clip.name for clip in raw.clips], where)
+        description = described(description, styles)
+    return character_from_rig(raw, description)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
-from crowd.errors import InputError, fail
+from crowd.errors import InputError, Problem, fail
+from crowd.scenario_styles import Names, Styles, style_faults
 from crowd.scenario_types import Model
 from crowd.scenario_validate import validate
 from crowd.scenario_yaml import Document, read_file
@@ -36,20 +37,29 @@ class ArmDescription(Model):
     hand: str
 
 
-def _listed(value: object) -> object:
-    return [value] if isinstance(value, str) else value
-
-
-Names = Annotated[list[str], BeforeValidator(_listed)]
-
-
 class ClipRoles(Model):
-    """Clip names by role; a role left out is detected, an empty list means none. `other` clips are left out."""
+    """Clip names by role in style "normal"; a role left out is detected, an empty list means none.
+
+    `other` clips, and walks, runs and steps that only another style names, are none of style "normal".
+    """
 
     idle: str | None = None
     walk: Names | None = None
     run: Names | None = None
+    step: Names | None = None
+    """Walks and runs that go backwards, sideways or at a slant."""
     other: Names | None = None
+    also_backwards: Names | None = None
+    """Walks, runs and steps that are played reversed, too, for going the other way."""
+    styles: Styles = Field(default_factory=dict)
+    """Other ways of moving: style: {idle: ..., walk: [...], run: [...], step: [...]}."""
+
+    def named(self) -> list[tuple[str, str]]:
+        """(key path below clips, clip name) of every clip named."""
+        out = [] if self.idle is None else [("idle", self.idle)]
+        for role in ("walk", "run", "step", "other", "also_backwards"):
+            out += [(role, name) for name in getattr(self, role) or []]
+        return out + [(f"styles.{key}.{role}", name) for key, s in self.styles.items() for name, role in s.listed]
 
 
 class RigDescription(Model):
@@ -91,6 +101,9 @@ def read(path: Path) -> RigDescription:
 def _validated(document: Document) -> RigDescription:
     description, _, problems = validate(document, RigDescription)
     if description is None:
+        raise InputError(problems)
+    faults = style_faults(description.clips.styles)
+    if problems := [Problem(document.where(("clips", "styles", name)), text) for name, text in faults]:
         raise InputError(problems)
     if description.up is not None and description.forward is not None and description.up[1] == description.forward[1]:
         raise fail(document.where(("forward",)), f"{description.forward!r} lies along up {description.up!r}")

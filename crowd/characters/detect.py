@@ -23,7 +23,7 @@ from crowd.characters.limbs import (
     paired,
     trunk_of,
 )
-from crowd.characters.locomotion import ClipReport, assess, best_idle, with_a_walk
+from crowd.characters.locomotion import ClipReport, along_its_way, assess, best_idle, with_a_walk
 from crowd.characters.naming import (
     ankle_index,
     arms_from,
@@ -148,7 +148,7 @@ class _Rest:
         clips = [assess(subject, clip, self.soles, leg, pelvis, metres) for clip in raw.clips]
         metres = metres_per_unit(subject, self.given, leg, len(self.soles), clips, self.notes, self.unsure)
         clips = [assess(subject, clip, self.soles, leg, pelvis, metres) for clip in raw.clips]
-        clips = self._roles(with_a_walk(clips))
+        clips = self._roles(with_a_walk(self._of_normal(clips)))
         moves = [clip for clip, report in zip(raw.clips, clips, strict=True) if report.role in ("walk", "run")]
         legs = self._legs(moves)
         arms = self._arms(legs)
@@ -190,10 +190,22 @@ class _Rest:
                 return joint
         return lowest
 
+    def _of_normal(self, clips: list[ClipReport]) -> list[ClipReport]:
+        """Walks, runs and steps that only other styles name are none of style "normal", where it keeps a gait."""
+        styles = self.given.clips.styles
+        moves = [(n, key) for key, style in styles.items() for n, role in style.listed if role != "idle"]
+        taken = {clip_name(self.subject.raw, name, key): key for name, key in moves}
+        own = {name for role in ("walk", "run") for name in getattr(self.given.clips, role) or []}
+        if not own and all(r.name in taken for r in clips if r.role in ("walk", "run")):
+            return clips
+        return [
+            replace(r, role="other", why=f"plays in style '{taken[r.name]}'") if r.name in taken else r for r in clips
+        ]
+
     def _roles(self, clips: list[ClipReport]) -> list[ClipReport]:
         roles = self.given.clips
         named: dict[str, ClipRole] = {}
-        for role in ("idle", "walk", "run", "other"):
+        for role in ("idle", "walk", "run", "step", "other"):
             listed = getattr(roles, role)
             for name in [listed] if isinstance(listed, str) else listed or []:
                 named[clip_name(self.subject.raw, name, role)] = role
@@ -207,6 +219,8 @@ class _Rest:
                 role, why = "other", f"the description names other clips for {role}"
             if report.name in named:
                 role, why = named[report.name], "named in the description"
+            if role == "step" and report.role != "step":
+                report = along_its_way(report)
             out.append(replace(report, role=role, why=why))
         if not any(report.role in ("walk", "run") for report in out):
             raise _no_gait(self.subject.raw, out)

@@ -1,4 +1,7 @@
-"""What the clips of a rig are: walk, run, idle or something else, judged by what the feet do, not by their names."""
+"""What the clips of a rig are: walk, run, step (not forward), idle or something else.
+
+Judged by what the feet do, not by their names.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +22,13 @@ from crowd.types import ClipRole
 FINE = 240  # samples per clip used to judge it
 _STILL = 0.06  # of the leg: feet that move less are planted
 _STRIDE = 0.45  # of the leg: a shorter stride is shuffling
+_SIDE_STRIDE = 0.3  # the same for strides that do not go forward
+_NOT_FORWARD = ("backwards", "sideways", "sideways steps")
 
 
 @dataclass(frozen=True)
 class ClipReport:
-    """Measures of one clip; lengths in file units, `speed` positive forward."""
+    """Measures of one clip; lengths in file units, `speed` positive along `direction` (forward but for steps)."""
 
     name: str
     role: ClipRole
@@ -40,7 +45,8 @@ class ClipReport:
     flight: float  # share of the cycle with no foot near the ground
     froude: float  # speed squared over gravity and leg
     unrest: float  # mean joint motion range, against the height
-    pace: float  # typical way of a planted foot per cycle, against the leg; positive backwards under the body
+    pace: float  # typical way of a planted foot per cycle, against the leg; positive against `direction`
+    direction: tuple[float, float] = (0.0, 1.0)  # unit (x, z)
 
 
 def contact_tracks(
@@ -67,17 +73,37 @@ def assess(
     leg: length of the legs, file units. metres: metres per unit, for the Froude number.
     """
     foot, sole = contact_tracks(subject, clip, feet)
+    measured, per_foot = _measured(subject, clip, foot, sole, leg, pelvis, metres)
+    role, why = _role(subject, clip, foot, measured, per_foot, leg)
+    if why in _NOT_FORWARD:
+        toward = _travel(foot[:-1], leg)
+        turned = _turned(foot, toward)
+        ahead, per_foot = _measured(subject, clip, turned, sole, leg, pelvis, metres)
+        doubt = _doubt(turned, ahead, per_foot, leg, _SIDE_STRIDE)
+        if doubt is None:
+            measured = replace(ahead, speed=abs(ahead.speed), sideways=0.0, direction=toward)
+            role, why = "step", f"feet on the ground {np.median(ahead.duty):.0%} of the time"
+        else:
+            why = f"{why}, but {doubt}"
+    return replace(measured, role=role, why=why)
+
+
+def _measured(
+    subject: Subject, clip: RawClip, foot: np.ndarray, sole: np.ndarray, leg: float, pelvis: int, metres: float
+) -> tuple[ClipReport, list[float]]:
+    """Measures with +z taken as the way ahead, without a role, and the speed of each foot's ground."""
     position = without_drift(clip)
     planted, pace = planted_samples(foot[:-1], leg)
     velocity = _velocity(foot[:-1]) / clip.duration
-    per_foot = [-float(velocity[planted[:, k], k, 2].mean()) if planted[:, k].any() else 0.0 for k in range(len(feet))]
-    sideways = [-float(velocity[planted[:, k], k, 0].mean()) if planted[:, k].any() else 0.0 for k in range(len(feet))]
-    touch = [np.flatnonzero(planted[:, k] & ~np.roll(planted[:, k], 1)) for k in range(len(feet))]
+    legs = range(foot.shape[1])
+    per_foot = [-float(velocity[planted[:, k], k, 2].mean()) if planted[:, k].any() else 0.0 for k in legs]
+    sideways = [-float(velocity[planted[:, k], k, 0].mean()) if planted[:, k].any() else 0.0 for k in legs]
+    touch = [np.flatnonzero(planted[:, k] & ~np.roll(planted[:, k], 1)) for k in legs]
     speed = float(np.mean(per_foot))
     if clip.speed is not None:
         speed = clip.speed if speed >= 0.0 else -clip.speed
     low = sole[:-1] < np.percentile(sole, 2, axis=0) + 0.05 * leg
-    measured = ClipReport(
+    report = ClipReport(
         name=clip.name,
         role="other",
         why="",
@@ -95,8 +121,34 @@ def assess(
         unrest=float(np.linalg.norm(np.ptp(position, axis=0), axis=-1).mean()) / subject.height,
         pace=pace / leg,
     )
-    role, why = _role(subject, clip, foot, measured, per_foot, leg)
-    return replace(measured, role=role, why=why)
+    return report, per_foot
+
+
+def _travel(foot: np.ndarray, leg: float) -> tuple[float, float]:
+    """Unit (x, z) against the mean motion of low contact points [S, L, 3] of a cycle; forward where they rest."""
+    height = foot[..., 1] - np.percentile(foot[..., 1], 2, axis=0)
+    low = height < np.maximum(0.15 * np.percentile(height, 98, axis=0), 0.012 * leg)
+    way = -_velocity(foot)[low][:, [0, 2]].mean(0)
+    toward = way / np.linalg.norm(way) if np.linalg.norm(way) > 0.05 * leg else np.array([0.0, 1.0])
+    planted, _ = planted_samples(_turned(foot, (float(toward[0]), float(toward[1]))), leg)
+    if planted.any():
+        way = -_velocity(foot)[planted][:, [0, 2]].mean(0)
+        toward = way / np.linalg.norm(way) if np.linalg.norm(way) > 0.05 * leg else toward
+    return float(toward[0]), float(toward[1])
+
+
+def along_its_way(report: ClipReport) -> ClipReport:
+    """The report with its speed told along the way its feet go, whatever that is."""
+    way = np.array([report.sideways, report.speed])
+    speed = float(np.linalg.norm(way))
+    x, z = way / speed if speed > 1e-9 else (0.0, 1.0)
+    return replace(report, speed=speed, sideways=0.0, direction=(float(x), float(z)))
+
+
+def _turned(foot: np.ndarray, toward: tuple[float, float]) -> np.ndarray:
+    """Points [..., 3] turned about y so that the horizontal unit direction (x, z) comes to +z."""
+    x, z = toward
+    return np.stack([foot[..., 0] * z - foot[..., 2] * x, foot[..., 1], foot[..., 0] * x + foot[..., 2] * z], -1)
 
 
 def _velocity(foot: np.ndarray) -> np.ndarray:
@@ -170,18 +222,27 @@ def _gait(foot: np.ndarray, report: ClipReport, per_foot: list[float], leg: floa
         return "other", "sideways steps" if sideways else "not all feet step"
     if report.speed < 0.0 or abs(report.sideways) > 0.6 * report.speed:
         return "other", "backwards" if report.speed < -abs(report.sideways) else "sideways"
-    if report.pace / report.strides < _STRIDE:
-        return "other", "steps on the spot"
+    doubt = _doubt(foot, report, per_foot, leg, _STRIDE)
+    return _pace(report) if doubt is None else ("other", doubt)
+
+
+def _doubt(foot: np.ndarray, report: ClipReport, per_foot: list[float], leg: float, stride: float) -> str | None:
+    """Why feet that go along +z do not walk, if so; stride: of the leg, the least."""
+    reach = np.ptp(foot, axis=0)
+    if np.mean((reach[:, 1] > 0.015 * leg) & (reach[:, 2] > 0.15 * leg)) < 0.7:
+        return "not all feet step"
+    if report.pace / report.strides < stride:
+        return "steps on the spot"
     stepping = np.array(per_foot)[np.array(report.duty) > 0]
     if min(report.duty) < 0.04 or max(report.duty) > 4.0 * min(report.duty):
-        return "other", "the feet take uneven turns on the ground"
+        return "the feet take uneven turns on the ground"
     if stepping.min() < 0.3 * stepping.max():
-        return "other", "the feet do not move together with the ground"
+        return "the feet do not move together with the ground"
     if len(report.duty) == 2 and report.strides == 1 and _together(report.touchdown):
-        return "other", "both feet land together: a jump"
+        return "both feet land together: a jump"
     if report.clearance > (0.4 if len(report.duty) > 2 else 1.0):
-        return "other", "the body leaps"
-    return _pace(report)
+        return "the body leaps"
+    return None
 
 
 def _pace(report: ClipReport) -> tuple[ClipRole, str]:

@@ -10,6 +10,7 @@ from crowd.characters.limbs import FootJoints, contact_point
 from crowd.characters.raw_rig import RawRig
 from crowd.characters.subject import Subject
 from crowd.errors import InputError, Problem, fail, nearest
+from crowd.scenario_styles import unknown
 
 TIP = ".tip"  # ends the name of a joint that is added where a leg ends in a bare tip
 
@@ -30,14 +31,18 @@ def ankle_index(raw: RawRig, name: str, key: str) -> int:
 def clip_name(raw: RawRig, name: str, key: str) -> str:
     """A clip's full name; the part before '|' may be left out. Raises InputError with the nearest known name."""
     names = [clip.name for clip in raw.clips]
+    full = full_name(name, names)
+    if full is None:
+        raise fail(f"{raw.path.name} clips.{key}", unknown("clip", name, names))
+    return full
+
+
+def full_name(name: str, names: Sequence[str]) -> str | None:
+    """The one of `names` that is meant; the part before '|' may be left out. None when there is none."""
     if name in names:
         return name
     short = [full for full in names if full.split("|")[-1] == name]
-    if len(short) == 1:
-        return short[0]
-    raise fail(
-        f"{raw.path.name} clips.{key}", f"no clip '{name}'{nearest(name, names)}; clips: {', '.join(names[:30])}"
-    )
+    return short[0] if len(short) == 1 else None
 
 
 def check_names(raw: RawRig, given: RigDescription) -> None:
@@ -65,10 +70,8 @@ def check_names(raw: RawRig, given: RigDescription) -> None:
     for child, parent in (given.attach or {}).items():
         wanted(joint_index, child, "attach")
         wanted(joint_index, parent, f"attach.{child}")
-    for role in ("idle", "walk", "run", "other"):
-        listed = getattr(given.clips, role)
-        for name in [listed] if isinstance(listed, str) else listed or []:
-            wanted(clip_name, name, role)
+    for key, name in given.clips.named():
+        wanted(clip_name, name, key)
     if problems:
         raise InputError(problems)
 

@@ -7,26 +7,28 @@ out, clips in place and uniformly sampled. Global motion is kept exactly; only t
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from crowd.characters.body_mesh import for_skeleton
+from crowd.characters.clips import clips_of
 from crowd.characters.description import Axis, RigDescription
 from crowd.characters.detect import Detection, detect
 from crowd.characters.facing import AXES, upright
+from crowd.characters.frame import Frame, global_motion, local_motion
 from crowd.characters.idle import with_idle
 from crowd.characters.mesh_cleaning import cleaned, volume
 from crowd.characters.mocap import find_up, prepare
-from crowd.characters.raw_rig import RawClip, RawRig
+from crowd.characters.naming import clip_name
+from crowd.characters.raw_rig import RawRig
 from crowd.characters.size import plausible
 from crowd.characters.thinning import kept_joints
 from crowd.errors import InputError, Problem
-from crowd.posing import conjugate, multiply, rotate, skin
-from crowd.resampling import align_hemispheres, resample, resample_rotation
-from crowd.types import Archetype, Arm, Clip, Leg, Mesh, Skeleton
+from crowd.posing import conjugate, rotate, skin
+from crowd.scenario_styles import MOVES
+from crowd.types import Archetype, Arm, Clip, Leg, Mesh, Skeleton, Style
 
-MIN_RATE_HZ, MAX_RATE_HZ, MIN_SAMPLES = 30.0, 60.0, 16
 DENSITY = 1000.0  # kg/m3, of bodies
 MASS_PER_BOX = (10.0, 700.0)  # kg per cubic metre of the box round the neutral pose: spiders to barrels
 
@@ -86,7 +88,8 @@ def normalised(raw: RawRig, found: Detection, description: RigDescription) -> Ar
     )
     notes = [*found.notes, *found.unsure]
     mesh = _mesh(found, frame, order, number, skeleton, rest_q, rest_p, notes)
-    clips = _clips(found, frame, order, parents, legs)
+    styles = _styles(raw, description)
+    clips = clips_of(found, frame, order, parents, legs, styles)
     height = found.subject.height * found.metres
     mass = _mass(mesh, rest_q, rest_p, description, notes)
     return Archetype(
@@ -101,25 +104,16 @@ def normalised(raw: RawRig, found: Detection, description: RigDescription) -> Ar
         mass,
         source=raw.path.name,
         notes=tuple(dict.fromkeys(notes)),
+        styles=styles,
+        also_backwards=_also_backwards(raw, description, clips, styles),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Frame:
-    """File frame (turned) to character frame: x -> (x - origin) * metres."""
-
-    origin: np.ndarray  # [3]
-    metres: float
-
-    def place(self, position: np.ndarray) -> np.ndarray:
-        return (position - self.origin) * self.metres
-
-
-def _frame(found: Detection) -> _Frame:
+def _frame(found: Detection) -> Frame:
     rest = found.subject.raw.rest_position
     hips = rest[[leg.hip for leg in found.legs]].mean(0)
     ground = min(float(leg.contact[1]) for leg in found.legs)
-    return _Frame(np.array([hips[0], ground, hips[2]]), found.metres)
+    return Frame(np.array([hips[0], ground, hips[2]]), found.metres)
 
 
 def _check_bones(found: Detection) -> None:
@@ -141,46 +135,17 @@ def _check_bones(found: Detection) -> None:
         raise InputError(problems)
 
 
-def _local(rotation: np.ndarray, position: np.ndarray, parents: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Joint-to-parent rotation and translation of global ones [..., J, 4] and [..., J, 3]."""
-    q, t = rotation.copy(), position.copy()
-    for joint, parent in enumerate(parents):
-        if parent >= 0:
-            back = conjugate(rotation[..., parent, :])
-            q[..., joint, :] = multiply(back, rotation[..., joint, :])
-            t[..., joint, :] = rotate(back, position[..., joint, :] - position[..., parent, :])
-    return q / np.linalg.norm(q, axis=-1, keepdims=True), t
-
-
-def _picked(values: np.ndarray, order: list[int], root: np.ndarray) -> np.ndarray:
-    """Columns `order` of [..., J, C]; -1 is the added root with value `root`."""
-    out = values[..., [max(j, 0) for j in order], :].copy()
-    for k, joint in enumerate(order):
-        if joint < 0:
-            out[..., k, :] = root
-    return out
-
-
-def _globals(
-    frame: _Frame, order: list[int], rotation: np.ndarray, position: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    q = _picked(rotation, order, np.array([1.0, 0, 0, 0]))
-    return q, _picked(frame.place(position), order, np.zeros(3))
-
-
 def _skeleton(
-    found: Detection, frame: _Frame, order: list[int], parents: tuple[int, ...]
+    found: Detection, frame: Frame, order: list[int], parents: tuple[int, ...]
 ) -> tuple[Skeleton, np.ndarray, np.ndarray]:
     raw = found.subject.raw
-    rest_q, rest_p = _globals(frame, order, raw.rest_rotation, raw.rest_position)
-    q, t = _local(rest_q, rest_p, parents)
+    rest_q, rest_p = global_motion(frame, order, raw.rest_rotation, raw.rest_position)
+    q, t = local_motion(rest_q, rest_p, parents)
     names = tuple("root of all" if j < 0 else raw.names[j] for j in order)
     return Skeleton(names, parents, np.where(q[:, :1] < 0, -q, q), t), rest_q, rest_p
 
 
-def _leg(
-    found: Detection, frame: _Frame, number: dict[int, int], k: int, rest_q: np.ndarray, rest_p: np.ndarray
-) -> Leg:
+def _leg(found: Detection, frame: Frame, number: dict[int, int], k: int, rest_q: np.ndarray, rest_p: np.ndarray) -> Leg:
     leg = found.legs[k]
     ball = number[leg.ball]
     offset = rotate(conjugate(rest_q[ball]), frame.place(leg.contact) - rest_p[ball])
@@ -191,7 +156,7 @@ def _leg(
 
 def _mesh(
     found: Detection,
-    frame: _Frame,
+    frame: Frame,
     order: list[int],
     number: dict[int, int],
     skeleton: Skeleton,
@@ -215,52 +180,28 @@ def _mesh(
     return cleaned(mesh, rest_q, rest_p, notes, f"{found.subject.raw.path.name} mesh")
 
 
-def _clips(
-    found: Detection, frame: _Frame, order: list[int], parents: tuple[int, ...], legs: tuple[Leg, ...]
-) -> tuple[Clip, ...]:
+def _styles(raw: RawRig, description: RigDescription) -> tuple[Style, ...]:
+    """The description's styles with full clip names."""
     out = []
-    named = {"idle": 0, "walk": 1, "run": 2}
-    pairs = [(c, r) for c, r in zip(found.subject.raw.clips, found.clips, strict=True) if r.role in named]
-    for clip, report in sorted(pairs, key=lambda pair: (named[pair[1].role], pair[1].speed)):
-        rotation, position = _uniform(clip)
-        q, p = _globals(frame, order, rotation, position)
-        p = _centred(p, q, legs, parents, report.role != "idle")
-        local_q, local_t = _local(q, p, parents)
-        speed = None if clip.speed is None else float(clip.speed * found.metres)
-        out.append(Clip(clip.name, report.role, clip.duration, align_hemispheres(local_q), local_t, True, speed))
+    for name, style in description.clips.styles.items():
+        listed = {clip_name(raw, clip, f"styles.{name}.{role}"): role for clip, role in style.listed}
+        out.append(Style(name, tuple(listed.items())))  # pyright: ignore[reportArgumentType]
     return tuple(out)
 
 
-def _uniform(clip: RawClip) -> tuple[np.ndarray, np.ndarray]:
-    """Global rotation and position of F samples at f / F of the duration, 30 to 60 per second."""
-    intervals = len(clip.position) - 1
-    rate = intervals / clip.duration
-    wanted = max(MIN_SAMPLES, round(clip.duration * float(np.clip(rate, MIN_RATE_HZ, MAX_RATE_HZ))))
-    # Steady drift is spread over the cycle, so that the sample after the last is the first.
-    drift = (clip.position[-1] - clip.position[0]).mean(0) * np.array([1.0, 0.0, 1.0])
-    position = clip.position - np.linspace(0, 1, intervals + 1)[:, None, None] * drift
-    rotation = align_hemispheres(clip.rotation)
-    if wanted == intervals:
-        return rotation[:-1], position[:-1]
-    at = np.arange(wanted) * (intervals / wanted)
-    return resample_rotation(rotation, at, cyclic=False), resample(position, at, cyclic=False)
-
-
-def _centred(
-    position: np.ndarray, rotation: np.ndarray, legs: tuple[Leg, ...], parents: tuple[int, ...], lowest: bool
-) -> np.ndarray:
-    """Positions [F, J, 3] with the hips over the origin on average and the contact points on the ground.
-
-    lowest: the lowest contact of the clip is at y = 0 (gaits); otherwise the typical lowest one (standing).
-    """
-    hips = position[:, [leg.hip for leg in legs]].mean((0, 1))
-    contacts = [position[:, leg.ball] + rotate(rotation[:, leg.ball], np.asarray(leg.ball_offset)) for leg in legs]
-    heights = np.stack(contacts)[..., 1]
-    ground = heights.min() if lowest else np.median(heights.min(0))
-    moved = position - np.array([hips[0], ground, hips[2]])
-    if parents.count(-1) == 1 and np.allclose(position[:, 0], 0.0):
-        moved[:, 0] = 0.0  # an added root stays at the origin
-    return moved
+def _also_backwards(
+    raw: RawRig, description: RigDescription, clips: tuple[Clip, ...], styles: tuple[Style, ...]
+) -> tuple[str, ...]:
+    """Full names of clips that serve reversed, too. Raises InputError for one that does not walk, run or step."""
+    moves = {clip.name for clip in clips if clip.role in MOVES}
+    moves |= {name for style in styles for name, role in style.clips if role in MOVES}
+    names = [clip_name(raw, name, "also_backwards") for name in description.clips.also_backwards or []]
+    problems = [
+        Problem(f"{raw.path.name} clips.also_backwards", f"clip '{name}' is no walk, run or step") for name in names
+    ]
+    if bad := [problem for problem, name in zip(problems, names, strict=True) if name not in moves]:
+        raise InputError(bad)
+    return tuple(dict.fromkeys(names))
 
 
 def _mass(mesh: Mesh, rest_q: np.ndarray, rest_p: np.ndarray, description: RigDescription, notes: list[str]) -> float:

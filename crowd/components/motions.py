@@ -9,7 +9,7 @@ from jax import Array
 
 from crowd.assets import StrideAssets
 from crowd.layout import HerdLayout, Layout
-from crowd.params import Character, StrideControl
+from crowd.params import Character, StrideControl, StyleEvents
 from crowd.state import State, Strides
 from kernels import blending, clips, leg_cycle
 from kernels.leg_cycle import KeyTimes
@@ -35,20 +35,38 @@ def mixed(table: Array, share: Array) -> Array:
     return sum((share[m] * table[m] for m in range(1, share.shape[0])), share[0] * table[0])
 
 
-def channels(herd: HerdLayout, dt: float, own: Strides) -> dict[str, Array]:
-    """Weights of styles and other clips after the frame: the goal's grows at its rate, the others make room."""
-    number = jnp.arange(own.channel.shape[0]).reshape(-1, 1)
-    chosen = number == own.channel_goal
-    now = jnp.where(chosen, own.channel, 0.0).sum(0)
-    new = jnp.minimum(now + own.channel_rate * dt, 1.0)
-    others = jnp.where(now < 1.0, (1.0 - new) / jnp.where(now < 1.0, 1.0 - now, 1.0), 0.0)
-    until = own.channel_until - dt
+def channels(
+    herd: HerdLayout, dt: float, events: StyleEvents, chosen: Array, frame: Array, own: Strides
+) -> dict[str, Array]:
+    """Weights of styles and other clips after the frame: the goal's grows at its rate, the others make room (6.4, 6.5).
+
+    events: those that meet the herd; chosen [E, n]: 1 where one meets the character. A clip gives way to the style that
+    was there before it when its time is over.
+    """
+    styles = 1 + max(motion.style for motion in herd.motions)
+    goal, rate, until, back, since = (
+        own.channel_goal, own.channel_rate, own.channel_until, own.channel_return, own.extra_time
+    )  # fmt: skip
+    for event in range(events.frame.shape[0]):
+        now = (events.frame[event] == frame) & (chosen[event] > 0)
+        target = events.target[event]
+        clip = target >= styles
+        back = jnp.where(now & ~clip, target, back)
+        goal = jnp.where(now, target, goal)
+        rate = jnp.where(now, 1.0 / jnp.maximum(events.fade[event], dt), rate)
+        until = jnp.where(now, events.hold[event], until)
+        since = jnp.where(now & clip, 0.0, since)
     over = until <= 0.0
+    goal, until = jnp.where(over, back, goal), jnp.where(over, jnp.inf, until - dt)
+    number = jnp.arange(own.channel.shape[0]).reshape(-1, 1)
+    mine = number == goal
+    before = jnp.where(mine, own.channel, 0.0).sum(0)
+    after = jnp.minimum(before + rate * dt, 1.0)
+    room = jnp.where(before < 1.0, (1.0 - after) / jnp.where(before < 1.0, 1.0 - before, 1.0), 0.0)
     return dict(
-        channel=jnp.where(chosen, new, own.channel * others),
-        channel_goal=jnp.where(over, own.channel_return, own.channel_goal),
-        channel_until=jnp.where(over, jnp.inf, until),
-    )
+        channel=jnp.where(mine, after, own.channel * room),
+        channel_goal=goal, channel_rate=rate, channel_until=until, channel_return=back, extra_time=since,
+    )  # fmt: skip
 
 
 def weights(

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from crowd import posing
+
 SAMPLES = 33  # keys of a clip, the last one repeats the first
 
 
@@ -182,6 +184,35 @@ def gait_tracks(
         out[hip], out[knee] = turn((1, 0, 0), hip_turn), turn((1, 0, 0), knee_turn)
         out[ankle] = turn((1, 0, 0), -hip_turn - knee_turn)
     return out
+
+
+def side_tracks(
+    rig: Rig, legs: list[tuple[int, int, int]], phases: list[float], stride: float, lift: float, duty: float, way: float
+) -> dict[int, np.ndarray]:
+    """As `gait_tracks`, along the angle `way` (rad, to the left of forward), for legs with hips over ankles."""
+    places = np.array(rig.places)
+    out: dict[int, np.ndarray] = {}
+    for (hip, knee, ankle), phase in zip(legs, phases, strict=True):
+        t = np.mod(np.linspace(0, 1, SAMPLES) - phase, 1.0)  # 0: touchdown
+        swing = np.clip((t - duty) / (1 - duty), 0, 1)
+        ahead = stride * np.where(t < duty, 0.5 - t / duty, -0.5 + (1 - np.cos(np.pi * swing)) / 2)
+        span = places[ankle] - places[hip] + np.stack([ahead * np.sin(way), lift * np.sin(np.pi * swing),
+                                                       ahead * np.cos(way)], 1)  # fmt: skip
+        length = np.linalg.norm(span, axis=1, keepdims=True)
+        below = places[hip] + length * np.array([0.0, -1.0, 0.0])
+        hip_turn, knee_turn = _reach(places[hip], places[knee], places[ankle], below)
+        # the leg bent in its own plane, then turned as a whole from straight down to the target
+        x, y, z = (span / length).T
+        whole = np.stack([-z, 0 * x, x, 1 - y], 1) / np.sqrt(2 * (1 - y))[:, None]
+        out[hip] = product(whole, turn((1, 0, 0), hip_turn))
+        out[knee] = turn((1, 0, 0), knee_turn)
+        out[ankle] = product(out[hip], out[knee]) * np.array([-1.0, -1.0, -1.0, 1.0])
+    return out
+
+
+def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a after b, quaternions xyzw."""
+    return np.roll(posing.multiply(np.roll(a, 1, -1), np.roll(b, 1, -1)), -1, -1)
 
 
 def breathing(rig: Rig, joint: int) -> tuple[float, dict[int, np.ndarray], dict[int, np.ndarray]]:

@@ -18,7 +18,7 @@ ROOMS: list[tuple[str, ...]] = [
     ("crowd.errors", "crowd.types", "crowd.tree", "crowd.posing", "crowd.resampling", "crowd.progress"),
     ("crowd.scenario*",),
     ("crowd.characters", "crowd.analysis", "crowd.placement", "crowd.ground*"),
-    ("crowd.scene",),
+    ("crowd.scene", "crowd.styles"),
     (
         "crowd.layout",
         "crowd.assets",

@@ -8,10 +8,24 @@ import numpy as np
 import pytest
 
 from crowd import posing
+from crowd.analysis.gait import analyse
 from crowd.characters import load
 from crowd.characters.inspect import inspect
-from crowd.types import Archetype
-from tests.crowd.glb_writer import SAMPLES, Rig, biped, build, crawler, gait_tracks, mesh_arrays, quadruped, turn
+from crowd.errors import InputError
+from crowd.types import Archetype, Style
+from tests.crowd.glb_writer import (
+    SAMPLES,
+    Rig,
+    biped,
+    build,
+    crawler,
+    gait_tracks,
+    mesh_arrays,
+    product,
+    quadruped,
+    side_tracks,
+    turn,
+)
 
 
 def loaded(rig: Rig, folder: Path, description: dict | None = None, **how: float) -> Archetype:
@@ -147,12 +161,12 @@ def test_feet_left_under_the_root_join_their_legs(tmp_path: Path) -> None:
         duration, rotations, translations = rig.clips[name]
         for ankle, (hip, knee) in detached.items():
             a, b = rotations[hip], rotations[knee]
-            both = _product(a, b)
+            both = product(a, b)
             at = (
                 _turned(a, places[knee] - places[hip]) + _turned(both, places[ankle] - places[knee]) + places[hip]
             ) - places[0]
             translations[ankle] = at
-            rotations[ankle] = _product(both, rotations[ankle])
+            rotations[ankle] = product(both, rotations[ankle])
         rig.clips[name] = (duration, rotations, translations)
     assert walk is not None
     archetype = loaded(rig, tmp_path)
@@ -160,11 +174,6 @@ def test_feet_left_under_the_root_join_their_legs(tmp_path: Path) -> None:
     knee = archetype.skeleton.names.index("b1")
     assert archetype.skeleton.parents[archetype.skeleton.names.index("c1")] == knee
     np.testing.assert_allclose(contacts(archetype, "one"), contacts(whole, "one"), atol=5e-3)
-
-
-def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a after b, quaternions xyzw."""
-    return np.roll(posing.multiply(np.roll(a, 1, -1), np.roll(b, 1, -1)), -1, -1)
 
 
 def _turned(q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -191,7 +200,82 @@ def test_strafes_jumps_and_backward_walks_are_no_gaits(tmp_path: Path) -> None:
     bend = {rig.names.index(f"a{side}"): turn((1, 0, 0), -hop) for side in (1, -1)}
     rig.clips["leap"] = (0.8, bend, {0: root})
     archetype = loaded(rig, tmp_path)
-    assert roles(archetype) == {"two": "idle", "one": "walk", "three": "run"}
+    assert roles(archetype) == {"two": "idle", "one": "walk", "three": "run", "retreat": "step", "leap": "other"}
+    by_name = {clip.name: clip for clip in archetype.clips}
+    assert analyse(archetype, by_name["retreat"]).direction == pytest.approx([0.0, -1.0], abs=0.05)
+    assert analyse(archetype, by_name["retreat"]).speed == pytest.approx(0.36 / (0.6 * 1.1), rel=0.05)
+
+
+def leg_joints(rig: Rig) -> list[tuple[int, int, int]]:
+    """Hip, knee and ankle of the biped's legs."""
+    find = rig.names.index
+    return [(find(f"a{side}"), find(f"b{side}"), find(f"c{side}")) for side in (1, -1)]
+
+
+def clips_off_forward(angle: float) -> Rig:
+    """The biped with a walk along `angle` (0 forward, positive to the left) beside its own clips."""
+    rig = biped()
+    legs = leg_joints(rig)
+    rig.clips["aside"] = (1.0, side_tracks(rig, legs, [0.0, 0.5], 0.36, 0.12, 0.6, angle), {})
+    return rig
+
+
+@pytest.mark.parametrize(
+    ("degrees", "role", "way"),
+    [
+        (0, "walk", ""),
+        (20, "walk", ""),
+        (55, "step", "forward left"),
+        (90, "step", "left"),
+        (-90, "step", "right"),
+        (130, "step", "back left"),
+        (180, "step", "backwards"),
+        (-120, "step", "back right"),
+    ],
+)
+def test_walks_that_do_not_go_forward_are_steps(degrees: float, role: str, way: str, tmp_path: Path) -> None:
+    build(clips_off_forward(np.radians(degrees))).write(tmp_path / "a.glb")
+    found = inspect(tmp_path / "a.glb")
+    clip = next(clip for clip in found.archetype.clips if clip.name == "aside")
+    assert clip.role == role
+    gait = analyse(found.archetype, clip)
+    told = np.degrees(np.arctan2(*gait.direction))
+    assert abs((told - degrees + 180) % 360 - 180) < 4
+    line = next(line for line in found.lines if line.startswith("clip 'aside'"))
+    assert role + (f" {way}" if way else "") in line
+    ahead = np.cos(np.radians(degrees)) if role == "walk" else 1.0  # of walks only the speed ahead is told
+    assert float(line.split(" m/s")[0].split()[-1]) == pytest.approx(ahead * 0.36 / 0.6, rel=0.06)
+
+
+def test_turning_on_the_spot_is_no_step(tmp_path: Path) -> None:
+    """Feet on the ground that go forward on one side and backward on the other."""
+    rig = biped()
+    legs = leg_joints(rig)
+    left = gait_tracks(rig, legs[:1], [0.0], 0.36, 0.12, 0.6)
+    right = side_tracks(rig, legs[1:], [0.5], 0.36, 0.12, 0.6, np.pi)
+    rig.clips["spin"] = (1.0, left | right, {})
+    assert roles(loaded(rig, tmp_path))["spin"] == "other"
+
+
+def test_clips_that_end_elsewhere_play_once_and_stay_in_place(tmp_path: Path) -> None:
+    """A bow that slides 1.5 m ahead: last sample kept, way taken out, ground and first place as the idle's."""
+    rig = biped()
+    root = np.tile(np.array(rig.places[0]), (SAMPLES, 1))
+    ramp = np.linspace(0.0, 1.0, SAMPLES)
+    root[:, 2] += 1.5 * ramp
+    bow = {1: turn((1, 0, 0), 0.8 * ramp)}
+    rig.clips["bow"] = (1.2, bow, {0: root})
+    archetype = loaded(rig, tmp_path)
+    by_name = {clip.name: clip for clip in archetype.clips}
+    clip = by_name["bow"]
+    assert clip.role == "other" and not clip.cyclic
+    joint = archetype.skeleton.names.index(rig.names[1])
+    turned = 2 * np.arccos(np.abs(np.sum(clip.rotation[0, joint] * clip.rotation[-1, joint])))
+    assert turned == pytest.approx(0.8, abs=1e-6)
+    feet = contacts(archetype, "bow")
+    assert np.ptp(feet[..., 2], axis=0).max() < 1e-6
+    assert feet[..., 1].min() == pytest.approx(contacts(archetype, "two")[..., 1].min(), abs=1e-6)
+    assert feet[0].mean(0)[[0, 2]] == pytest.approx(contacts(archetype, "two")[0].mean(0)[[0, 2]], abs=0.02)
 
 
 def test_root_motion_becomes_in_place_with_its_speed(tmp_path: Path) -> None:
@@ -231,7 +315,7 @@ def test_conventions(tmp_path: Path) -> None:
             assert 29 <= len(clip.rotation) / clip.duration <= 61
             np.testing.assert_allclose(np.linalg.norm(clip.rotation, axis=-1), 1, atol=1e-9)
             assert np.all(np.sum(clip.rotation[1:] * clip.rotation[:-1], -1) >= 0)
-            if clip.role != "idle":
+            if clip.role not in ("idle", "other"):
                 assert abs(contacts(archetype, clip.name)[..., 1].min()) < 1e-6
 
 
@@ -265,7 +349,49 @@ def test_description_overrides_detection(tmp_path: Path) -> None:
     assert {leg.name for leg in archetype.legs} == {"stilt", "peg"}
     assert {leg.name: leg.side for leg in archetype.legs} == {"stilt": -1, "peg": 1}
     assert archetype.arms == ()
-    assert roles(archetype) == {"three": "walk", "two": "idle"}
+    assert roles(archetype) == {"three": "walk", "two": "idle", "one": "step"}  # backwards now
+
+
+def test_styles_in_the_description(tmp_path: Path) -> None:
+    """Gaits of other styles are none of style normal, are prepared as gaits, and names may be single ones."""
+    clips = {"styles": {"hurry": {"idle": "two", "run": "three"}}, "also_backwards": ["one", "three"]}
+    archetype = loaded(biped(), tmp_path, {"clips": clips})
+    assert roles(archetype) == {"two": "idle", "one": "walk", "three": "other"}
+    assert archetype.styles == (Style("hurry", (("two", "idle"), ("three", "run"))),)
+    assert archetype.also_backwards == ("one", "three")
+    assert abs(contacts(archetype, "three")[..., 1].min()) < 1e-6
+    assert all(clip.cyclic for clip in archetype.clips)
+    shared = loaded(biped(), tmp_path, {"clips": {"styles": {"all": {"walk": "one", "run": "three"}}}})
+    assert roles(shared) == {"two": "idle", "one": "walk", "three": "run"}  # or style normal would have no gait
+    both = loaded(biped(), tmp_path, {"clips": {"run": "three", "idle": "two", **clips}})
+    assert roles(both) == {"two": "idle", "one": "walk", "three": "run"}
+    found = inspect(tmp_path / "a.glb", {"clips": {"run": "three", "idle": "two", **clips}})
+    (tmp_path / "rig.yaml").write_text(found.yaml)
+    again = load("rig.yaml", tmp_path)
+    assert (again.styles, again.also_backwards, roles(again)) == (both.styles, both.also_backwards, roles(both))
+    assert "style 'hurry': idle 'two', run 'three'" in found.yaml
+
+
+@pytest.mark.parametrize(
+    ("clips", "says"),
+    [
+        (
+            {"styles": {"sad": {"walk": "on"}}},
+            "a.glb clips.styles.sad.walk: no clip 'on' (did you mean 'one'?); clips",
+        ),
+        ({"styles": {"sad": {"idle": "two"}}}, "clips.styles.sad: style 'sad' has no walk"),
+        ({"styles": {"sad": {"walk": "one", "step": "one"}}}, "clip 'one' is named both walk and step"),
+        ({"styles": {"normal": {"walk": "one"}}}, "clips.styles.normal: 'normal' is the style of the clips' own roles"),
+        ({"styles": {"sad": {"wlak": "one"}}}, "clips.styles.sad.wlak: unknown key 'wlak' (did you mean 'walk'?)"),
+        ({"styles": {"sad one": {"walk": "one"}}}, "clips.styles"),
+        ({"also_backwards": "two"}, "a.glb clips.also_backwards: clip 'two' is no walk, run or step"),
+        ({"step": "onn"}, "a.glb clips.step: no clip 'onn' (did you mean 'one'?)"),
+    ],
+)
+def test_bad_styles_in_the_description(clips: dict, says: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        loaded(biped(), tmp_path, {"clips": clips})
+    assert says in str(caught.value)
 
 
 def bird() -> Rig:

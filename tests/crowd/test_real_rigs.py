@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from crowd import posing
+from crowd.analysis.gait import analyse
 from crowd.characters.inspect import Inspection, inspect
 from crowd.types import Archetype
 
@@ -57,6 +58,9 @@ REAL = [
             "Walking_C": "walk",
             "Running_A": "run",
             "Running_B": "run",
+            "Running_Strafe_Left": "step",
+            "Running_Strafe_Right": "step",
+            "Walking_Backwards": "step",
         },
         {},
         2,
@@ -170,7 +174,22 @@ def test_size(case: tuple[Seen, Inspection]) -> None:
 
 def test_gaits(case: tuple[Seen, Inspection]) -> None:
     seen, found = case
-    assert {clip.name: clip.role for clip in found.archetype.clips} == seen.roles
+    assert {clip.name: clip.role for clip in found.archetype.clips if clip.role != "other"} == seen.roles
+
+
+def test_every_clip_of_the_file_can_be_played(case: tuple[Seen, Inspection]) -> None:
+    archetype = case[1].archetype
+    assert len({clip.name for clip in archetype.clips}) == len(archetype.clips)
+    for clip in archetype.clips:
+        assert clip.cyclic or clip.role == "other"
+        np.testing.assert_allclose(np.linalg.norm(clip.rotation, axis=-1), 1, atol=1e-9)
+        _, position = posing.world_transforms(archetype.skeleton, posing.clip_motion(clip))
+        hips = position[:, [leg.hip for leg in archetype.legs]].mean(1)
+        assert np.abs(hips[0, [0, 2]]).max() < 0.3 * archetype.height  # starts over the origin
+        assert position[..., 1].min() > -0.15 * archetype.height, clip.name  # what artists let sink into the ground
+        if not clip.cyclic:  # feet end where they began, on average
+            feet = position[:, [leg.ball for leg in archetype.legs]].mean(1)
+            assert np.abs(feet[-1] - feet[0])[[0, 2]].max() < 1e-9
 
 
 def test_touchdowns(case: tuple[Seen, Inspection]) -> None:
@@ -198,7 +217,7 @@ def test_feet_on_the_ground_and_skin_above_it(case: tuple[Seen, Inspection]) -> 
     vertices = posing.skin(archetype.mesh, rotation, position)
     assert abs(vertices[:, 1].min()) < 0.02 * archetype.height
     assert np.abs(foot_points(archetype, rotation, position)[:, 1]).max() < 0.02 * archetype.height
-    for clip in archetype.clips:
+    for clip in (clip for clip in archetype.clips if clip.role != "other"):
         rotation, position = posing.world_transforms(archetype.skeleton, posing.clip_motion(clip))
         feet = foot_points(archetype, rotation, position)
         assert abs(feet[..., 1].min()) < 0.01 * archetype.height
@@ -211,12 +230,29 @@ def test_feet_on_the_ground_and_skin_above_it(case: tuple[Seen, Inspection]) -> 
 def test_planted_feet_go_backwards(case: tuple[Seen, Inspection]) -> None:
     archetype = case[1].archetype
     for clip in archetype.clips:
-        if clip.role == "idle":
+        if clip.role not in ("walk", "run"):
             continue
         rotation, position = posing.world_transforms(archetype.skeleton, posing.clip_motion(clip))
         feet = foot_points(archetype, rotation, position)
         low = feet[..., 1] < np.percentile(feet[..., 1], 20, axis=0)
         assert np.median(np.roll(feet, -1, 0)[low][:, 2] - feet[low][:, 2]) < 0
+
+
+def test_steps_go_the_way_that_is_told(shared_data: Path) -> None:
+    """Planted feet of steps move against the direction of the report, at its speed."""
+    found = inspect(shared_data / "characters/KayKit_Barbarian.glb")
+    told = {"Running_Strafe_Left": "forward left", "Running_Strafe_Right": "forward right"}
+    told["Walking_Backwards"] = "backwards"
+    for name, way in told.items():
+        line = next(line for line in found.lines if line.startswith(f"clip '{name}'"))
+        assert f"step {way}" in line
+        gait = analyse(found.archetype, next(clip for clip in found.archetype.clips if clip.name == name))
+        assert float(line.split(" m/s")[0].split()[-1]) == pytest.approx(gait.speed, rel=0.15)
+        assert np.sign(np.round(gait.direction, 1)).tolist() == {"forward left": [1, 1], "forward right": [-1, 1]}.get(
+            way, [0, -1]
+        )
+    others = [line for line in found.lines if line.startswith("other clips")]
+    assert len(others) == 1 and "'Jump_Full_Short'" in others[0] and "'Sit_Chair_Down'" in others[0]
 
 
 def test_mesh_is_fit_for_drag(case: tuple[Seen, Inspection]) -> None:
