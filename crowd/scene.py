@@ -161,7 +161,9 @@ def _motions(scenario: Scenario, archetype: Archetype, plays: Repertoire) -> Mot
     entries: list[Entry] = []
     for style in plays.styles:
         if style.name == NORMAL:
-            entries += [(c, NORMAL, back or c.name in archetype.also_backwards) for c, _, back in default_clips(archetype)]
+            entries += [
+                (c, NORMAL, back or c.name in archetype.also_backwards) for c, _, back in default_clips(archetype)
+            ]
             continue
         back = [name for name in archetype.also_backwards if any(clip.name == name for clip, _ in style.clips)]
         if not back and not any(clip.role == "step" for clip, _ in style.clips):  # no way back: its first walk reversed

@@ -59,7 +59,12 @@ def gait(
     own = assets.strides
     assert own is not None
     state = _with(state, **wall(lambda s, climb: _tracked(dt, s, climb), state, climb))
-    state = _with(state, **wall(lambda c, s: motions.channels(herd, dt, params.styles[which], c.style, s.frame, s.gait), character, state))
+    state = _with(
+        state,
+        **wall(
+            lambda c, s: motions.channels(herd, dt, params.styles[which], c.style, s.frame, s.gait), character, state
+        ),
+    )
     weights = wall(lambda c, s: motions.weights(layout, herd, own, control, c, s), character, state)
     state = _with(state, blend=weights)
     blend = wall(lambda c, s: motions.blended(herd, own, c, s.gait), character, state)
