@@ -7,8 +7,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import Array
 
-from crowd.assets import World
-from crowd.layout import Layout
+from crowd.assets import GroundLayer, World
+from crowd.layout import GroundLayout, Layout
 from crowd.params import Fluids
 from kernels import terrain
 from kernels.drag import Fluid
@@ -23,16 +23,74 @@ class Surroundings(NamedTuple):
     fluid: Fluid  # surface in the world, -inf when dry
 
 
-def ground(layout: Layout, world: World, place: Array) -> tuple[Array, Array]:
-    """Height [*b] and slope [2, *b] of the ground at world places [2, *b] (x, z)."""
-    if layout.ground == "grid":
-        u = (place[0] - world.origin[0]) / world.cell[0]
-        v = (place[1] - world.origin[1]) / world.cell[1]
-        height, by_u, by_v = terrain.bilinear(world.grid, layout.ground_shape, u, v)
-        return height, jnp.stack([by_u / world.cell[0], by_v / world.cell[1]])
-    s = place[0] * world.axis[0] + place[1] * world.axis[1]
-    height, slope = terrain.profile(layout.ground, world.profile, s)
-    return height, jnp.stack([slope * world.axis[0], slope * world.axis[1]])
+def ground(layout: Layout, world: World, place: Array, altitude: Array | None = None) -> tuple[Array, Array]:
+    """Height [*b] and slope [2, *b] of the ground at world places [2, *b] (x, z).
+
+    altitude: world height [*b] of who asks. Where the ground has several levels, the highest one not more than
+    `world.max_step_height` above that is meant, the lowest one where none is; None: the highest of all.
+    """
+    found, slope = _layer(layout.ground[0], world.layers[0], place)
+    reach = None if altitude is None else altitude + world.max_step_height
+    for shape, layer in zip(layout.ground[1:], world.layers[1:], strict=True):
+        height, rise = _layer(shape, layer, place)
+        use = terrain.upper(reach, found, height, _there(shape, layer, place))
+        found = jnp.where(use, height, found)
+        slope = jnp.where(use, rise, slope)
+    return found, slope
+
+
+def height(layout: Layout, world: World, place: Array, altitude: Array | None = None) -> Array:
+    """Height [*b] alone of the ground at world places [2, *b]; see `ground`."""
+    found = _layer_height(layout.ground[0], world.layers[0], place)
+    reach = None if altitude is None else altitude + world.max_step_height
+    for shape, layer in zip(layout.ground[1:], world.layers[1:], strict=True):
+        other = _layer_height(shape, layer, place)
+        found = jnp.where(terrain.upper(reach, found, other, _there(shape, layer, place)), other, found)
+    return found
+
+
+def _cell(shape: GroundLayout, layer: GroundLayer, place: Array) -> terrain.Cell:
+    u, v = (place[0] - layer.origin[0]) / layer.cell[0], (place[1] - layer.origin[1]) / layer.cell[1]
+    return terrain.locate(shape.shape, u, v, shape.post)
+
+
+def _along(layer: GroundLayer, place: Array) -> Array:
+    return place[0] * layer.axis[0] + place[1] * layer.axis[1]
+
+
+def _layer(shape: GroundLayout, layer: GroundLayer, place: Array) -> tuple[Array, Array]:
+    """Height and slope of one level, wherever it is."""
+    if shape.kind == "grid":
+        found, by_u, by_v = terrain.grid_ground(layer.grid, shape.shape[1], _cell(shape, layer, place))
+        return found, jnp.stack([by_u / layer.cell[0], by_v / layer.cell[1]])
+    if shape.kind == "sines":
+        found, by_x, by_z = terrain.sines(layer.parameters, place[0], place[1])
+        return found + layer.base, jnp.stack([by_x, by_z])
+    found, slope = terrain.profile(shape.kind, layer.parameters, _along(layer, place))
+    found = found if shape.kind == "flat" else found + layer.base
+    return found, jnp.stack([slope * layer.axis[0], slope * layer.axis[1]])
+
+
+def _layer_height(shape: GroundLayout, layer: GroundLayer, place: Array) -> Array:
+    if shape.kind == "grid":
+        return terrain.grid_height(layer.grid, shape.shape[1], _cell(shape, layer, place))
+    if shape.kind == "sines":
+        return terrain.sines_height(layer.parameters, place[0], place[1]) + layer.base
+    found = terrain.profile_height(shape.kind, layer.parameters, _along(layer, place))
+    return found if shape.kind == "flat" else found + layer.base
+
+
+def _there(shape: GroundLayout, layer: GroundLayer, place: Array) -> Array:
+    """Where a level exists: in its rectangle, and off its gaps."""
+    there = jnp.ones(place.shape[1:], bool)
+    if shape.bounded:
+        (x0, z0), (x1, z1) = layer.low, layer.high
+        there = (place[0] >= x0) & (place[0] <= x1) & (place[1] >= z0) & (place[1] <= z1)
+    if shape.gaps:
+        cell = _cell(shape, layer, place)
+        whole = layer.whole.at[cell.corner].get(mode="promise_in_bounds", wrap_negative_indices=False)
+        there = there & cell.inside_u & cell.inside_v & whole
+    return there
 
 
 def fluid(layout: Layout, fluids: Fluids, place: Array) -> Fluid:
@@ -58,5 +116,5 @@ def fluid(layout: Layout, fluids: Fluids, place: Array) -> Fluid:
 def sense(layout: Layout, world: World, fluids: Fluids, position: Array) -> Surroundings:
     """Everything about the place [3, n] a character stands at."""
     place = position[jnp.array([0, 2])]
-    height, slope = ground(layout, world, place)
-    return Surroundings(height, slope, fluid(layout, fluids, place))
+    level, slope = ground(layout, world, place, position[1])
+    return Surroundings(level, slope, fluid(layout, fluids, place))
