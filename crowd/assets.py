@@ -42,7 +42,7 @@ class GroundLayer:
     base: Array  # [] m, added to profiles and waves
     axis: Array  # [2] unit (x, z): direction along which a profile varies
     grid: Array  # [rows * columns] m
-    whole: Array  # [rows * columns] bool, cells (by their first post) that are ground; [0] where all are
+    gap: Array  # [] m, cells whose posts differ by more are no ground, where the layout says `gaps`
     origin: Array  # [2] m, world (x, z) of the post that the layout names
     cell: Array  # [2] m, signed step in x per column and in z per row
     low: Array  # [2] m, corner (x, z) of the rectangle that the level covers

@@ -107,7 +107,7 @@ def ground_layout(ground: Ground) -> tuple[GroundLayout, ...]:
             kind=layer.kind,
             shape=(1, 1) if layer.grid is None else (layer.grid.shape[0], layer.grid.shape[1]),
             post=layer.post,
-            gaps=layer.whole is not None,
+            gaps=layer.gap is not None,
             bounded=layer.area is not None,
         )
         for layer in ground.layers
@@ -117,14 +117,13 @@ def ground_layout(ground: Ground) -> tuple[GroundLayout, ...]:
 def _ground_layer(layer: Layer) -> GroundLayer:
     low, high = layer.area if layer.area is not None else (np.zeros(2), np.zeros(2))
     grid = layer.grid if layer.grid is not None else np.zeros(0)
-    whole: Any = layer.whole if layer.whole is not None else np.zeros(0, bool)
     post = np.array(layer.post, float)[::-1]  # column, row
     return GroundLayer(
         parameters=_f32(layer.parameters),
         base=_f32(layer.base),
         axis=_f32(layer.axis),
         grid=_f32(grid.reshape(-1)),
-        whole=whole.reshape(-1),
+        gap=_f32(0.0 if layer.gap is None else layer.gap),
         origin=_f32(layer.origin + post * layer.cell),
         cell=_f32(layer.cell),
         low=_f32(low),

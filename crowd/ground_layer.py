@@ -25,7 +25,9 @@ class Layer:
     axis: np.ndarray = field(default_factory=FORWARD.copy)  # [2] unit (x, z): direction along which a profile varies
     base: float = 0.0  # m, added to profiles and waves (not to flat ground, which is its height)
     grid: np.ndarray | None = None  # [rows, columns] m
-    whole: np.ndarray | None = None  # [rows, columns] cells by their first post that are ground; None: all
+    gap: float | None = (
+        None  # m: cells whose posts differ by more, and all beyond the grid, are no ground; None: all are
+    )
     origin: np.ndarray = field(default_factory=lambda: np.zeros(2))  # [2] m, world (x, z) of grid[0, 0]
     cell: np.ndarray = field(default_factory=lambda: np.ones(2))  # [2] m, signed step in x per column and in z per row
     missing: np.ndarray | None = None  # [rows, columns] True where the file has no height (filled with the nearest)
@@ -44,7 +46,7 @@ class Layer:
     @property
     def everywhere(self) -> bool:
         """Whether there is ground of this layer at every place."""
-        return self.area is None and self.whole is None
+        return self.area is None and self.gap is None
 
 
 def heights(layer: Layer, x: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -76,12 +78,17 @@ def there(layer: Layer, x: np.ndarray, z: np.ndarray) -> np.ndarray:
         (x0, z0), (x1, z1) = (corner.astype(F32) for corner in layer.area)
         x, z = x.astype(F32), z.astype(F32)
         found = (x >= x0) & (x <= x1) & (z >= z0) & (z <= z1)
-    if layer.whole is not None:
+    if layer.grid is not None and layer.gap is not None:
         u, v = cells(layer, x, z)
-        rows, columns = layer.whole.shape
-        found &= layer.whole[np.minimum(v.astype(int), rows - 2), np.minimum(u.astype(int), columns - 2)]
+        found &= whole_cells(layer.grid, layer.gap)[_corner(layer.grid, u, v)]
         found &= (u == (x - layer.origin[0]) / layer.cell[0]) & (v == (z - layer.origin[1]) / layer.cell[1])
     return found
+
+
+def whole_cells(grid: np.ndarray, gap: float) -> np.ndarray:
+    """[rows - 1, columns - 1] which cells are ground, not the jump from one level to another."""
+    corners = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, :-1], grid[1:, 1:]])
+    return np.ptp(corners, axis=0) < gap
 
 
 def cells(layer: Layer, x: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -107,10 +114,14 @@ def _steps(values: np.ndarray, s: np.ndarray) -> np.ndarray:
     return np.asarray(step * rise, float)
 
 
-def _bilinear(grid: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+def _corner(grid: np.ndarray, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Row and column of the first post of the cells at column u and row v."""
     rows, columns = grid.shape
-    i = np.clip(np.floor(u).astype(int), 0, columns - 2)
-    j = np.clip(np.floor(v).astype(int), 0, rows - 2)
+    return np.clip(np.floor(v).astype(int), 0, rows - 2), np.clip(np.floor(u).astype(int), 0, columns - 2)
+
+
+def _bilinear(grid: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    j, i = _corner(grid, u, v)
     a, b = u - i, v - j
     near = grid[j, i] * (1 - a) + grid[j, i + 1] * a
     return np.asarray(near * (1 - b) + (grid[j + 1, i] * (1 - a) + grid[j + 1, i + 1] * a) * b)

@@ -17,6 +17,7 @@ MOST_LEVELS = 4
 BATCH = 1 << 20  # pairs of triangle and ray at a time
 SAME = 1e-4  # m, hits of one ray nearer than that are one (triangles that share an edge)
 BROKEN = 0.6  # of the headroom: neighbouring samples of one level differ by less
+NOTHING = -1e6  # m, height of a higher level where a ray meets nothing: far enough for a gap
 
 
 def mesh_layers(model: Mesh, folder: Path) -> tuple[list[Layer], list[str]]:
@@ -69,19 +70,14 @@ def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 def _layer(heights: np.ndarray, missing: np.ndarray, first: np.ndarray, model: Mesh, above: bool, path: Path) -> Layer:
     """heights: [rows, columns] from -z to +z and -x to +x; above: a level over others, with gaps where it ends."""
-    whole = None
-    if above:
-        corners = np.stack([heights[:-1, :-1], heights[:-1, 1:], heights[1:, :-1], heights[1:, 1:]])
-        whole = np.zeros(heights.shape, bool)
-        whole[:-1, :-1] = np.ptp(corners, axis=0) < BROKEN * model.headroom_m  # False for NaN
     return Layer(
         kind="grid",
         parameters=np.zeros(1),
-        grid=filled(heights),
-        whole=whole,
+        grid=np.where(missing, NOTHING, heights) if above else filled(heights),
+        gap=BROKEN * model.headroom_m if above else None,
         origin=first,
         cell=np.full(2, model.cell_m),
-        missing=missing if missing.any() else None,
+        missing=missing if missing.any() and not above else None,
         source=path.name,
     )
 

@@ -80,7 +80,7 @@ class GroundLayout:
     kind: Kind
     shape: tuple[int, int] = (1, 1)  # rows and columns of a grid
     post: tuple[int, int] = (0, 0)  # row and column that the grid's origin is at
-    gaps: bool = False  # only cells marked as whole are ground
+    gaps: bool = False  # cells across a jump, and all places off the grid, are no ground
     bounded: bool = False  # covers a rectangle only
 
 

@@ -11,6 +11,8 @@ from typing import Literal, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from kernels.wall import Wall, no_wall
+
 # sin(2 pi u) = u (c0 + c1 u^2 + ...) on |u| <= 1/4, of least greatest error.
 SINE = (6.28318516, -41.34165503, 81.60100412, -76.54978343, 39.53671437)
 
@@ -122,24 +124,31 @@ def locate(
     return Cell((j + row) * columns + (i + column), u_in - i, v_in - j, u == u_in, v == v_in)
 
 
-def _posts(grid: Float[Array, "cells"], columns: int, corner: Int[Array, "*b"]) -> tuple[Array, Array, Array, Array]:
-    h00, h01, h10, h11 = (
-        grid.at[corner + step].get(mode="promise_in_bounds", wrap_negative_indices=False)
-        for step in (0, 1, columns, columns + 1)
-    )
-    return h00, h01, h10, h11
+def posts(
+    grid: Float[Array, "cells"], columns: int, corner: Int[Array, "*b"], wall: Wall = no_wall
+) -> Float[Array, "4 *b"]:
+    """Heights of the four posts of cells: at the corner, one column on, one row on, both.
+
+    One gather between walls: without them XLA gathers again for every result, three times for a height and its slope.
+    """
+    step = jnp.array([0, 1, columns, columns + 1]).reshape(4, *(1,) * corner.ndim)
+    return wall(_taken, grid, wall(lambda corner: corner + step, corner))
 
 
-def grid_height(grid: Float[Array, "cells"], columns: int, cell: Cell) -> Float[Array, "*b"]:
-    """Bilinear height in the cells of a flattened grid."""
-    h00, h01, h10, h11 = _posts(grid, columns, cell.corner)
+def _taken(grid: Float[Array, "cells"], index: Int[Array, "*b"]) -> Float[Array, "*b"]:
+    return grid.at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
+
+
+def grid_height(posts: Float[Array, "4 *b"], cell: Cell) -> Float[Array, "*b"]:
+    """Bilinear height in cells with these posts."""
+    h00, h01, h10, h11 = posts
     near, far = h00 + (h01 - h00) * cell.a, h10 + (h11 - h10) * cell.a
     return near + (far - near) * cell.b
 
 
-def grid_ground(grid: Float[Array, "cells"], columns: int, cell: Cell) -> tuple[Array, Array, Array]:
+def grid_ground(posts: Float[Array, "4 *b"], cell: Cell) -> tuple[Array, Array, Array]:
     """Bilinear height and its derivatives by u and v (per cell); level beyond the border."""
-    h00, h01, h10, h11 = _posts(grid, columns, cell.corner)
+    h00, h01, h10, h11 = posts
     near, far = h00 + (h01 - h00) * cell.a, h10 + (h11 - h10) * cell.a
     along_u = (h01 - h00) + ((h11 - h10) - (h01 - h00)) * cell.b
     return (
@@ -149,6 +158,14 @@ def grid_ground(grid: Float[Array, "cells"], columns: int, cell: Cell) -> tuple[
     )
 
 
+def whole(posts: Float[Array, "4 *b"], cell: Cell, gap: Float[Array, ""]) -> Bool[Array, "*b"]:
+    """Which cells are ground: inside the grid, with posts that differ by less than `gap`, m."""
+    h00, h01, h10, h11 = posts
+    low = jnp.minimum(jnp.minimum(h00, h01), jnp.minimum(h10, h11))
+    high = jnp.maximum(jnp.maximum(h00, h01), jnp.maximum(h10, h11))
+    return cell.inside_u & cell.inside_v & (high - low < gap)
+
+
 def bilinear(
     grid: Float[Array, "cells"], shape: tuple[int, int], u: Float[Array, "*b"], v: Float[Array, "*b"]
 ) -> tuple[Array, Array, Array]:
@@ -156,7 +173,8 @@ def bilinear(
 
     Outside the grid the border goes on level.
     """
-    return grid_ground(grid, shape[1], locate(shape, u, v))
+    cell = locate(shape, u, v)
+    return grid_ground(posts(grid, shape[1], cell.corner), cell)
 
 
 def upper(

@@ -13,6 +13,7 @@ from crowd.params import Fluids
 from kernels import terrain
 from kernels.drag import Fluid
 from kernels.fluid import sigmoid
+from kernels.wall import Wall, no_wall, through
 
 
 class Surroundings(NamedTuple):
@@ -29,11 +30,11 @@ def ground(layout: Layout, world: World, place: Array, altitude: Array | None = 
     altitude: world height [*b] of who asks. Where the ground has several levels, the highest one not more than
     `world.max_step_height` above that is meant, the lowest one where none is; None: the highest of all.
     """
-    found, slope = _layer(layout.ground[0], world.layers[0], place)
-    reach = None if altitude is None else altitude + world.max_step_height
+    wall = _wall(layout, world)
+    found, slope, _ = _layer(layout.ground[0], world.layers[0], place, wall)
     for shape, layer in zip(layout.ground[1:], world.layers[1:], strict=True):
-        height, rise = _layer(shape, layer, place)
-        use = terrain.upper(reach, found, height, _there(shape, layer, place))
+        height, rise, there = _layer(shape, layer, place, wall)
+        use = terrain.upper(_reach(world, altitude), found, height, there)
         found = jnp.where(use, height, found)
         slope = jnp.where(use, rise, slope)
     return found, slope
@@ -41,12 +42,52 @@ def ground(layout: Layout, world: World, place: Array, altitude: Array | None = 
 
 def height(layout: Layout, world: World, place: Array, altitude: Array | None = None) -> Array:
     """Height [*b] alone of the ground at world places [2, *b]; see `ground`."""
-    found = _layer_height(layout.ground[0], world.layers[0], place)
-    reach = None if altitude is None else altitude + world.max_step_height
+    wall = _wall(layout, world)
+    found, _ = _layer_height(layout.ground[0], world.layers[0], place, wall)
     for shape, layer in zip(layout.ground[1:], world.layers[1:], strict=True):
-        other = _layer_height(shape, layer, place)
-        found = jnp.where(terrain.upper(reach, found, other, _there(shape, layer, place)), other, found)
+        other, there = _layer_height(shape, layer, place, wall)
+        found = jnp.where(terrain.upper(_reach(world, altitude), found, other, there), other, found)
     return found
+
+
+def _wall(layout: Layout, world: World) -> Wall:
+    """Walls around the gather of a grid: behind a number of the program that is always positive."""
+    return through(world.max_step_height > 0) if layout.walls else no_wall
+
+
+def _reach(world: World, altitude: Array | None) -> Array | None:
+    return None if altitude is None else altitude + world.max_step_height
+
+
+def _layer(shape: GroundLayout, layer: GroundLayer, place: Array, wall: Wall) -> tuple[Array, Array, Array]:
+    """Height and slope of one level, and where it exists."""
+    there = _covered(shape, layer, place)
+    if shape.kind == "grid":
+        cell = _cell(shape, layer, place)
+        posts = terrain.posts(layer.grid, shape.shape[1], cell.corner, wall)
+        found, by_u, by_v = terrain.grid_ground(posts, cell)
+        there = there & terrain.whole(posts, cell, layer.gap) if shape.gaps else there
+        return found, jnp.stack([by_u / layer.cell[0], by_v / layer.cell[1]]), there
+    if shape.kind == "sines":
+        found, by_x, by_z = terrain.sines(layer.parameters, place[0], place[1])
+        return found + layer.base, jnp.stack([by_x, by_z]), there
+    found, slope = terrain.profile(shape.kind, layer.parameters, _along(layer, place))
+    found = found if shape.kind == "flat" else found + layer.base
+    return found, jnp.stack([slope * layer.axis[0], slope * layer.axis[1]]), there
+
+
+def _layer_height(shape: GroundLayout, layer: GroundLayer, place: Array, wall: Wall) -> tuple[Array, Array]:
+    """Height of one level, and where it exists."""
+    there = _covered(shape, layer, place)
+    if shape.kind == "grid":
+        cell = _cell(shape, layer, place)
+        posts = terrain.posts(layer.grid, shape.shape[1], cell.corner, wall)
+        there = there & terrain.whole(posts, cell, layer.gap) if shape.gaps else there
+        return terrain.grid_height(posts, cell), there
+    if shape.kind == "sines":
+        return terrain.sines_height(layer.parameters, place[0], place[1]) + layer.base, there
+    found = terrain.profile_height(shape.kind, layer.parameters, _along(layer, place))
+    return found if shape.kind == "flat" else found + layer.base, there
 
 
 def _cell(shape: GroundLayout, layer: GroundLayer, place: Array) -> terrain.Cell:
@@ -58,39 +99,12 @@ def _along(layer: GroundLayer, place: Array) -> Array:
     return place[0] * layer.axis[0] + place[1] * layer.axis[1]
 
 
-def _layer(shape: GroundLayout, layer: GroundLayer, place: Array) -> tuple[Array, Array]:
-    """Height and slope of one level, wherever it is."""
-    if shape.kind == "grid":
-        found, by_u, by_v = terrain.grid_ground(layer.grid, shape.shape[1], _cell(shape, layer, place))
-        return found, jnp.stack([by_u / layer.cell[0], by_v / layer.cell[1]])
-    if shape.kind == "sines":
-        found, by_x, by_z = terrain.sines(layer.parameters, place[0], place[1])
-        return found + layer.base, jnp.stack([by_x, by_z])
-    found, slope = terrain.profile(shape.kind, layer.parameters, _along(layer, place))
-    found = found if shape.kind == "flat" else found + layer.base
-    return found, jnp.stack([slope * layer.axis[0], slope * layer.axis[1]])
-
-
-def _layer_height(shape: GroundLayout, layer: GroundLayer, place: Array) -> Array:
-    if shape.kind == "grid":
-        return terrain.grid_height(layer.grid, shape.shape[1], _cell(shape, layer, place))
-    if shape.kind == "sines":
-        return terrain.sines_height(layer.parameters, place[0], place[1]) + layer.base
-    found = terrain.profile_height(shape.kind, layer.parameters, _along(layer, place))
-    return found if shape.kind == "flat" else found + layer.base
-
-
-def _there(shape: GroundLayout, layer: GroundLayer, place: Array) -> Array:
-    """Where a level exists: in its rectangle, and off its gaps."""
-    there = jnp.ones(place.shape[1:], bool)
-    if shape.bounded:
-        (x0, z0), (x1, z1) = layer.low, layer.high
-        there = (place[0] >= x0) & (place[0] <= x1) & (place[1] >= z0) & (place[1] <= z1)
-    if shape.gaps:
-        cell = _cell(shape, layer, place)
-        whole = layer.whole.at[cell.corner].get(mode="promise_in_bounds", wrap_negative_indices=False)
-        there = there & cell.inside_u & cell.inside_v & whole
-    return there
+def _covered(shape: GroundLayout, layer: GroundLayer, place: Array) -> Array:
+    """Where places lie in the rectangle of a level."""
+    if not shape.bounded:
+        return jnp.ones(place.shape[1:], bool)
+    (x0, z0), (x1, z1) = layer.low, layer.high
+    return (place[0] >= x0) & (place[0] <= x1) & (place[1] >= z0) & (place[1] <= z1)
 
 
 def fluid(layout: Layout, fluids: Fluids, place: Array) -> Fluid:

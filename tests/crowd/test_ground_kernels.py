@@ -20,7 +20,7 @@ from tests.crowd.grounds import EDGES, KINDS, made
 def program(ground: Ground) -> tuple[Any, Any]:
     """Layout (only its ground counts) and world."""
     layout = Layout(
-        (), 0.0, ground_layout(ground), 0, 0, True, "paper", "rigid", "clipped", "area", (), (), False, 1, False
+        (), 0.0, ground_layout(ground), 0, 0, True, "paper", "rigid", "clipped", "area", (), (), False, 1, True
     )
     return layout, ground_world(ground)
 
