@@ -58,14 +58,27 @@ class HerdAssets:
 
 
 @pytree
+class GroundLayer:
+    """One level of the ground; which fields count depends on its kind (`crowd.layout.GroundLayout`)."""
+
+    parameters: Array  # [p] of a profile, [4, w] of waves; see kernels.terrain
+    base: Array  # [] m, added to profiles and waves
+    axis: Array  # [2] unit (x, z): direction along which a profile varies
+    grid: Array  # [rows * columns] m
+    gap: Array  # [] m, cells whose posts differ by more are no ground, where the layout says `gaps`
+    origin: Array  # [2] m, world (x, z) of the post that the layout names
+    cell: Array  # [2] m, signed step in x per column and in z per row
+    low: Array  # [2] m, corner (x, z) of the rectangle that the level covers
+    high: Array  # [2] m
+
+
+@pytree
 class World:
     """Ground. What flows is in `Params`."""
 
-    profile: Array  # [4]
-    axis: Array  # [2] unit (x, z): direction along which a profile varies
-    grid: Array  # [rows * columns] m
-    origin: Array  # [2] m, world (x, z) of the first cell
-    cell: Array  # [2] m, signed step in x per column and in z per row
+    layers: tuple[GroundLayer, ...]  # the first one is everywhere
+    max_step_height: Array  # [] m
+    min_normal_y: Array  # [] cosine of the steepest slope that feet are laid on
 
 
 @pytree

@@ -7,10 +7,12 @@ from typing import Any
 import jax
 import numpy as np
 
-from crowd.assets import Assets, World
+from crowd.assets import Assets, GroundLayer, World
+from crowd.ground import Ground
+from crowd.ground_layer import Layer
 from crowd.herd_assets import herd_assets, herd_layout
 from crowd.initial import initial_state
-from crowd.layout import TILE, Layout
+from crowd.layout import TILE, GroundLayout, Layout
 from crowd.params import Character, Control, Events, Fluids, Params, Sigmoid, StyleEvents
 from crowd.scenario_herd import Event
 from crowd.scenario_world import Sigmoid as SigmoidModel
@@ -41,7 +43,7 @@ KEYS = dict(
 def build(scene: Scene, devices: int = 1, walls: bool = True, tile: int = TILE) -> Program:
     """The program of a scene. Characters are padded to whole tiles, tiles to a multiple of `devices`."""
     layout = _layout(scene, walls)
-    assets = Assets(tuple(herd_assets(herd) for herd in scene.herds), _world(scene))
+    assets = Assets(tuple(herd_assets(herd) for herd in scene.herds), ground_world(scene.terrain))
     params = Params(
         fluids=_fluids(scene),
         control=_control(),
@@ -82,15 +84,13 @@ def _layout(scene: Scene, walls: bool) -> Layout:
     scenario = scene.scenario
     moving = [event for event in scenario.events if not event.plays]
     impulses = sum(event.impulse_n_s is not None for event in moving)
-    names = ["slope"] if scene.terrain.kind in ("slope", "ramp", "grid") else []
+    names = ["slope"] if any(layer.kind not in ("flat", "steps") for layer in scene.terrain.layers) else []
     names += ["impulse"] if impulses else []
     names += ["drag"] if scenario.world.fluids else []
-    grid = scene.terrain.grid
     return Layout(
         herds=tuple(herd_layout(herd) for herd in scene.herds),
         dt=1.0 / scenario.rate_hz,
-        ground=scene.terrain.kind,
-        ground_shape=grid.shape if grid is not None else (1, 1),  # pyright: ignore[reportArgumentType]
+        ground=ground_layout(scene.terrain),
         regions=len(scenario.world.fluids),
         turns=len(moving) - impulses,
         gait=scenario.gait,
@@ -108,22 +108,40 @@ def _layout(scene: Scene, walls: bool) -> Layout:
     )
 
 
-def _world(scene: Scene) -> World:
-    ground = scene.terrain
-    grid = ground.grid if ground.grid is not None else np.zeros((1, 1))
-    return World(
-        *(
-            _f32(v)
-            for v in (
-                ground.parameters,
-                ground.axis,
-                grid.reshape(-1),
-                ground.origin,
-                ground.cell,
-                np.array(1.0),
-                np.array(0.5),
-            )
+def ground_world(ground: Ground) -> World:
+    """The ground's arrays, on the host."""
+    layers = tuple(_ground_layer(layer) for layer in ground.layers)
+    return World(layers, _f32(ground.max_step_height), _f32(ground.min_normal_y))
+
+
+def ground_layout(ground: Ground) -> tuple[GroundLayout, ...]:
+    """What the program has to know of each level of the ground."""
+    return tuple(
+        GroundLayout(
+            kind=layer.kind,
+            shape=(1, 1) if layer.grid is None else (layer.grid.shape[0], layer.grid.shape[1]),
+            post=layer.post,
+            gaps=layer.gap is not None,
+            bounded=layer.area is not None,
         )
+        for layer in ground.layers
+    )
+
+
+def _ground_layer(layer: Layer) -> GroundLayer:
+    low, high = layer.area if layer.area is not None else (np.zeros(2), np.zeros(2))
+    grid = layer.grid if layer.grid is not None else np.zeros(0)
+    post = np.array(layer.post, float)[::-1]  # column, row
+    return GroundLayer(
+        parameters=_f32(layer.parameters),
+        base=_f32(layer.base),
+        axis=_f32(layer.axis),
+        grid=_f32(grid.reshape(-1)),
+        gap=_f32(0.0 if layer.gap is None else layer.gap),
+        origin=_f32(layer.origin + post * layer.cell),
+        cell=_f32(layer.cell),
+        low=_f32(low),
+        high=_f32(high),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,9 @@ class HeightFile:
     """Heights as the file has them; NaN where it has none."""
 
     heights: np.ndarray  # [rows, columns] float64; PNG: 0 (black) to 1 (white)
-    cell: float | None = None  # m, where the file says it
+    cell: float | tuple[float, float] | None = None  # m (along columns, along rows), where the file says it
+    note: str = ""  # how the cell was understood
+    unsure: str = ""  # why what the file says of its cell is not enough
 
 
 def read_heights(path: Path, key: str = "elevation") -> HeightFile:
@@ -40,7 +42,7 @@ def read_heights(path: Path, key: str = "elevation") -> HeightFile:
         raise fail(str(path), f"shape {heights.shape}: must be rows x columns, at least 2 x 2")
     if not np.isfinite(heights).any():
         raise fail(str(path), "no cell has a height")
-    return HeightFile(np.where(np.isfinite(heights), heights, np.nan), read.cell)
+    return replace(read, heights=np.where(np.isfinite(heights), heights, np.nan))
 
 
 def _check_size(path: Path, cells: int) -> None:

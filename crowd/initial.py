@@ -19,10 +19,7 @@ def initial_state(scene: Scene, herd: HerdScene, layout: Layout) -> dict[str, An
     count = herd.count
     zero = np.zeros(count)
     desired, follows = _desired(herd)
-    if layout.gait == "semi_procedural":
-        gait = initial_strides(scene, herd, desired)
-    else:
-        gait = _footsteps(herd, desired)
+    gait = initial_strides(scene, herd, desired) if layout.gait == "semi_procedural" else _footsteps(herd, desired)
     x, z = herd.points.T
     mesh = herd.archetype.mesh
     previous = np.zeros((3, len(mesh.vertices), count), np.float32)

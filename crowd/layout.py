@@ -87,13 +87,23 @@ class HerdLayout:
 
 
 @dataclass(frozen=True)
+class GroundLayout:
+    """One level of the ground."""
+
+    kind: Kind
+    shape: tuple[int, int] = (1, 1)  # rows and columns of a grid
+    post: tuple[int, int] = (0, 0)  # row and column that the grid's origin is at
+    gaps: bool = False  # cells across a jump, and all places off the grid, are no ground
+    bounded: bool = False  # covers a rectangle only
+
+
+@dataclass(frozen=True)
 class Layout:
     """The whole program."""
 
     herds: tuple[HerdLayout, ...]
     dt: float  # s
-    ground: Kind
-    ground_shape: tuple[int, int]  # rows and columns of a grid, (1, 1) for profiles
+    ground: tuple[GroundLayout, ...]  # the first one is everywhere
     regions: int  # fluid regions; 0: the drag components are absent
     turns: int  # events that change the desired velocity
     gait: Gait

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from crowd.errors import Problem, nearest
+from crowd.scenario_ground import HeightMap, Ramp
 from crowd.scenario_herd import (
     ASSET_SUFFIXES,
     BUILT_IN,
@@ -28,7 +29,7 @@ from crowd.scenario_herd import (
 )
 from crowd.scenario_styles import style_checks
 from crowd.scenario_types import Model
-from crowd.scenario_world import FluidRegion, FluidTable, HeightMap, Ramp, World
+from crowd.scenario_world import FluidRegion, FluidTable, World
 from crowd.scenario_yaml import Document, KeyPath
 
 M = TypeVar("M", bound=Model)

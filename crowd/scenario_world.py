@@ -1,83 +1,16 @@
-"""Scenario models of the world: ground shapes, fluid regions and the table of named fluids."""
+"""Scenario models of the world: ground, fluid regions and the table of named fluids."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from crowd.scenario_types import Coordinate, Model, Name, NotNegative, Number, Point, Positive, Whole
+from crowd.scenario_ground import Area, Flat, Ground, Height
+from crowd.scenario_types import Model, Name, NotNegative, Number
 
-Height = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e4, le=1e4)]
 Density = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.1, le=25_000)]
-
-
-class Flat(Model):
-    """Level ground."""
-
-    kind: Literal["flat"]
-    height_m: Height = 0.0
-
-
-class Slope(Model):
-    """A plane through the origin that rises in one direction."""
-
-    kind: Literal["slope"]
-    angle_deg: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-45, le=45)]
-    """Positive rises along `toward_deg`."""
-    toward_deg: Number = 0.0
-    """Direction in which the ground rises: 0 = +z, 90 = +x."""
-
-
-class Ramp(Model):
-    """A beach along +z: level at height 0, down (positive drop) between start and end, level again."""
-
-    kind: Literal["ramp"]
-    start_m: Coordinate
-    end_m: Coordinate
-    drop_m: Height
-
-
-class Steps(Model):
-    """Stairs along +z: level at height 0 up to `start_m`, then `count` steps (negative rise goes down)."""
-
-    kind: Literal["steps"]
-    rise_m: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-2, le=2)]
-    tread_m: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.05, le=1e4)]
-    count: Annotated[int, Field(strict=True, ge=1, le=10_000)]
-    start_m: Coordinate = 0.0
-
-
-class HeightMap(Model):
-    """Heights from a file, bilinear between samples, level beyond its edges.
-
-    The map is not mirrored: seen from above with +z up the page, the file's first row is at the top (far, +z) and its
-    columns run to the right (-x).
-    """
-
-    kind: Literal["heightmap"]
-    file: str
-    """PNG (grey value), NPY (heights in m), ESRI ASCII grid (.asc) or NPZ (`key` names the array)."""
-    cell_m: Positive | None = None
-    """Distance of neighbouring samples; needed unless the file says it (.asc)."""
-    height_scale_m: Height | None = None
-    """PNG: height of white above black. Other files: factor on their heights (1)."""
-    datum_m: Height | Literal["center"] = 0.0
-    """Height in the file that becomes 0; `center`: the one in the middle of the map."""
-    center_m: Point = (0.0, 0.0)
-    """Where in the world [x, z] the middle of the map lies."""
-    key: str = "elevation"
-
-
-Ground = Annotated[Flat | Slope | Ramp | Steps | HeightMap, Field(discriminator="kind")]
-
-
-class Area(Model):
-    """A rectangle seen from above."""
-
-    x: Point
-    z: Point
 
 
 class FluidRegion(Model):
@@ -101,6 +34,10 @@ class World(Model):
     """Ground and fluids."""
 
     ground: Ground = Flat(kind="flat")
+    max_slope_deg: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, lt=90)] = 60.0
+    """Feet are laid onto ground up to this steep."""
+    max_step_height_m: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=100)] = 1.0
+    """Ground further above or below a character is out of its feet's reach; it also tells levels apart."""
     fluids: tuple[FluidRegion, ...] = ()
 
 
@@ -144,9 +81,3 @@ class FluidTable(Model):
             drag_coefficient=self.base_drag.at(density) if drag is None else drag,
             offset_force_n=self.offset_force_n.at(density) if offset is None else offset,
         )
-
-
-__all__ = [
-    "Area", "Flat", "Fluid", "FluidRegion", "FluidTable", "Ground", "HeightMap",
-    "Ramp", "Sigmoid", "Slope", "Steps", "Whole", "World",
-]  # fmt: skip

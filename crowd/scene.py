@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -13,8 +14,8 @@ import numpy as np
 from crowd import characters, placement
 from crowd import ground as grounds
 from crowd import scenario as scenarios
-from crowd.analysis.gait import Gait, analyse
 from crowd.analysis.foot import Foot
+from crowd.analysis.gait import Gait, analyse
 from crowd.analysis.motion import Motion
 from crowd.analysis.motion_set import Entry, MotionSet, default_clips, motion_set
 from crowd.errors import InputError, fail
@@ -71,9 +72,11 @@ class Scene:
     terrain: Ground
     herds: tuple[HerdScene, ...]
 
-    def ground(self, x: np.ndarray | float, z: np.ndarray | float) -> np.ndarray:
-        """Height of the ground at world points, m."""
-        return grounds.height(self.terrain, x, z)
+    def ground(
+        self, x: np.ndarray | float, z: np.ndarray | float, altitude: np.ndarray | float | None = None
+    ) -> np.ndarray:
+        """Height of the ground at world points, m; altitude: world height of who asks, see `crowd.ground.height`."""
+        return grounds.height(self.terrain, x, z, altitude)
 
     def surface(self, x: np.ndarray | float, z: np.ndarray | float) -> np.ndarray:
         """Height of the fluid surface at world points, m; -inf where there is none."""
@@ -104,7 +107,10 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Sequence[
     Raises `InputError` with every problem of the scenario, or of the first asset that cannot be used.
     """
     scenario = source if isinstance(source, Scenario) else scenarios.load(source, overrides)
-    terrain = grounds.build_ground(scenario.world.ground, scenario.folder)
+    world = scenario.world
+    terrain = grounds.build_ground(
+        world.ground, scenario.folder, scenario.seed, world.max_step_height_m, math.radians(world.max_slope_deg)
+    )
     cache: dict[str, Archetype] = {}
     problems, herds = [], []
     for index, model in enumerate(scenario.herds):

@@ -93,7 +93,7 @@ def feet(
     herd, transforms = layout.herds[which], hung.transforms
     if layout.gait == "clip":
         return wall(lambda *now: _as_played(herd, assets, *now), character, state, blend, transforms)
-    ground = wall(lambda s: sense.ground(layout, world, s.gait.handle), state)
+    ground = wall(lambda s: sense.ground(layout, world, s.gait.handle, s.position[1]), state)
     lift = wall(lambda c, s, b: _swing_height(herd, assets, c, s, b), character, state, blend)
     level = wall(_levelled, state, ground[1])
     goal = wall(lambda *now: _goal(herd, assets, *now), character, state, transforms, ground[0], lift, level)

@@ -7,12 +7,13 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import Array
 
-from crowd.assets import World
-from crowd.layout import Layout
+from crowd.assets import GroundLayer, World
+from crowd.layout import GroundLayout, Layout
 from crowd.params import Fluids
 from kernels import terrain
 from kernels.drag import Fluid
 from kernels.fluid import sigmoid
+from kernels.wall import Wall, no_wall, through
 
 
 class Surroundings(NamedTuple):
@@ -23,16 +24,87 @@ class Surroundings(NamedTuple):
     fluid: Fluid  # surface in the world, -inf when dry
 
 
-def ground(layout: Layout, world: World, place: Array) -> tuple[Array, Array]:
-    """Height [*b] and slope [2, *b] of the ground at world places [2, *b] (x, z)."""
-    if layout.ground == "grid":
-        u = (place[0] - world.origin[0]) / world.cell[0]
-        v = (place[1] - world.origin[1]) / world.cell[1]
-        height, by_u, by_v = terrain.bilinear(world.grid, layout.ground_shape, u, v)
-        return height, jnp.stack([by_u / world.cell[0], by_v / world.cell[1]])
-    s = place[0] * world.axis[0] + place[1] * world.axis[1]
-    height, slope = terrain.profile(layout.ground, world.profile, s)
-    return height, jnp.stack([slope * world.axis[0], slope * world.axis[1]])
+def ground(layout: Layout, world: World, place: Array, altitude: Array | None = None) -> tuple[Array, Array]:
+    """Height [*b] and slope [2, *b] of the ground at world places [2, *b] (x, z).
+
+    altitude: world height [*b] of who asks. Where the ground has several levels, the highest one not more than
+    `world.max_step_height` above that is meant, the lowest one where none is; None: the highest of all.
+    """
+    wall = _wall(layout, world)
+    found, slope, _ = _layer(layout.ground[0], world.layers[0], place, wall)
+    for shape, layer in zip(layout.ground[1:], world.layers[1:], strict=True):
+        height, rise, there = _layer(shape, layer, place, wall)
+        use = terrain.upper(_reach(world, altitude), found, height, there)
+        found = jnp.where(use, height, found)
+        slope = jnp.where(use, rise, slope)
+    return found, slope
+
+
+def height(layout: Layout, world: World, place: Array, altitude: Array | None = None) -> Array:
+    """Height [*b] alone of the ground at world places [2, *b]; see `ground`."""
+    wall = _wall(layout, world)
+    found, _ = _layer_height(layout.ground[0], world.layers[0], place, wall)
+    for shape, layer in zip(layout.ground[1:], world.layers[1:], strict=True):
+        other, there = _layer_height(shape, layer, place, wall)
+        found = jnp.where(terrain.upper(_reach(world, altitude), found, other, there), other, found)
+    return found
+
+
+def _wall(layout: Layout, world: World) -> Wall:
+    """Walls around the gather of a grid: behind a number of the program that is always positive."""
+    return through(world.max_step_height > 0) if layout.walls else no_wall
+
+
+def _reach(world: World, altitude: Array | None) -> Array | None:
+    return None if altitude is None else altitude + world.max_step_height
+
+
+def _layer(shape: GroundLayout, layer: GroundLayer, place: Array, wall: Wall) -> tuple[Array, Array, Array]:
+    """Height and slope of one level, and where it exists."""
+    there = _covered(shape, layer, place)
+    if shape.kind == "grid":
+        cell = _cell(shape, layer, place)
+        posts = terrain.posts(layer.grid, shape.shape[1], cell.corner, wall)
+        found, by_u, by_v = terrain.grid_ground(posts, cell)
+        there = there & terrain.whole(posts, cell, layer.gap) if shape.gaps else there
+        return found, jnp.stack([by_u / layer.cell[0], by_v / layer.cell[1]]), there
+    if shape.kind == "sines":
+        found, by_x, by_z = terrain.sines(layer.parameters, place[0], place[1])
+        return found + layer.base, jnp.stack([by_x, by_z]), there
+    found, slope = terrain.profile(shape.kind, layer.parameters, _along(layer, place))
+    found = found if shape.kind == "flat" else found + layer.base
+    return found, jnp.stack([slope * layer.axis[0], slope * layer.axis[1]]), there
+
+
+def _layer_height(shape: GroundLayout, layer: GroundLayer, place: Array, wall: Wall) -> tuple[Array, Array]:
+    """Height of one level, and where it exists."""
+    there = _covered(shape, layer, place)
+    if shape.kind == "grid":
+        cell = _cell(shape, layer, place)
+        posts = terrain.posts(layer.grid, shape.shape[1], cell.corner, wall)
+        there = there & terrain.whole(posts, cell, layer.gap) if shape.gaps else there
+        return terrain.grid_height(posts, cell), there
+    if shape.kind == "sines":
+        return terrain.sines_height(layer.parameters, place[0], place[1]) + layer.base, there
+    found = terrain.profile_height(shape.kind, layer.parameters, _along(layer, place))
+    return found if shape.kind == "flat" else found + layer.base, there
+
+
+def _cell(shape: GroundLayout, layer: GroundLayer, place: Array) -> terrain.Cell:
+    u, v = (place[0] - layer.origin[0]) / layer.cell[0], (place[1] - layer.origin[1]) / layer.cell[1]
+    return terrain.locate(shape.shape, u, v, shape.post)
+
+
+def _along(layer: GroundLayer, place: Array) -> Array:
+    return place[0] * layer.axis[0] + place[1] * layer.axis[1]
+
+
+def _covered(shape: GroundLayout, layer: GroundLayer, place: Array) -> Array:
+    """Where places lie in the rectangle of a level."""
+    if not shape.bounded:
+        return jnp.ones(place.shape[1:], bool)
+    (x0, z0), (x1, z1) = layer.low, layer.high
+    return (place[0] >= x0) & (place[0] <= x1) & (place[1] >= z0) & (place[1] <= z1)
 
 
 def fluid(layout: Layout, fluids: Fluids, place: Array) -> Fluid:
@@ -58,5 +130,5 @@ def fluid(layout: Layout, fluids: Fluids, place: Array) -> Fluid:
 def sense(layout: Layout, world: World, fluids: Fluids, position: Array) -> Surroundings:
     """Everything about the place [3, n] a character stands at."""
     place = position[jnp.array([0, 2])]
-    height, slope = ground(layout, world, place)
-    return Surroundings(height, slope, fluid(layout, fluids, place))
+    level, slope = ground(layout, world, place, position[1])
+    return Surroundings(level, slope, fluid(layout, fluids, place))

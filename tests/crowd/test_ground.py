@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from PIL import Image
@@ -16,12 +15,17 @@ from pydantic import TypeAdapter
 from crowd.errors import InputError
 from crowd.ground import Ground, build_ground, height, refuse_missing
 from crowd.ground_files import read_heights
-from crowd.scenario_world import Ground as GroundModel
-from kernels import terrain
+from crowd.scenario_ground import Ground as GroundModel
 
 
 def ground(folder: Path = Path(), **model: Any) -> Ground:
     return build_ground(TypeAdapter(GroundModel).validate_python(model), folder)
+
+
+def grid(here: Ground) -> np.ndarray:
+    found = here.layers[0].grid
+    assert found is not None
+    return found
 
 
 def at(kind: Ground, *points: tuple[float, float]) -> list[float]:
@@ -42,24 +46,6 @@ def test_ramp_and_steps() -> None:
     np.testing.assert_allclose(at(steps, (0, 0.99), (0, 1.01), (0, 1.31), (0, 1.61), (0, 50)), [0, 0.2, 0.4, 0.6, 0.6])
 
 
-@pytest.mark.parametrize(
-    "model",
-    [
-        {"kind": "flat", "height_m": 0.3},
-        {"kind": "slope", "angle_deg": -7.0, "toward_deg": 30.0},
-        {"kind": "ramp", "start_m": -2.0, "end_m": 6.0, "drop_m": 1.1},
-        {"kind": "steps", "rise_m": -0.17, "tread_m": 0.29, "count": 10, "start_m": -1.0},
-    ],
-    ids=lambda model: str(model["kind"]),
-)
-def test_profiles_are_those_of_the_kernel(model: dict[str, Any]) -> None:
-    here = ground(**model)
-    x, z = np.random.default_rng(0).uniform(-8, 8, (2, 200)).astype(np.float32)
-    s = x * np.float32(here.axis[0]) + z * np.float32(here.axis[1])
-    found, _ = terrain.profile(here.kind, jnp.asarray(here.parameters, jnp.float32), jnp.asarray(s))
-    np.testing.assert_allclose(np.asarray(found), height(here, x, z), atol=2e-6)
-
-
 def test_height_map_is_not_mirrored(tmp_path: Path) -> None:
     """The first row is far (+z), columns run from the left (+x) to the right."""
     np.save(tmp_path / "map.npy", np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]))
@@ -67,18 +53,6 @@ def test_height_map_is_not_mirrored(tmp_path: Path) -> None:
     np.testing.assert_allclose(at(here, (12, 21), (10, 21), (8, 21), (12, 19), (8, 19)), [1, 2, 3, 4, 6])
     np.testing.assert_allclose(at(here, (10, 20), (11, 21)), [3.5, 1.5])  # bilinear
     np.testing.assert_allclose(at(here, (99, 99), (-99, 20)), [1, 4.5])  # level beyond the border
-
-
-def test_height_map_agrees_with_the_kernel(tmp_path: Path) -> None:
-    heights = np.random.default_rng(1).normal(size=(7, 9))
-    np.save(tmp_path / "map.npy", heights)
-    here = ground(tmp_path, kind="heightmap", file="map.npy", cell_m=0.5)
-    assert here.grid is not None
-    x, z = np.random.default_rng(2).uniform(-3, 3, (2, 300)).astype(np.float32)
-    u, v = (x - here.origin[0]) / here.cell[0], (z - here.origin[1]) / here.cell[1]
-    grid, u, v = (jnp.asarray(values, jnp.float32) for values in (here.grid.ravel(), u, v))
-    found, _, _ = terrain.bilinear(grid, (7, 9), u, v)
-    np.testing.assert_allclose(np.asarray(found), height(here, x, z), atol=1e-5)
 
 
 def test_datum_and_scale(tmp_path: Path) -> None:
@@ -112,20 +86,17 @@ def test_ascii_grid_with_gaps(tmp_path: Path) -> None:
 
 def test_real_terrain(shared_data: Path) -> None:
     folder = shared_data / "terrain"
-    png = ground(folder, kind="heightmap", file="raylib_heightmap.png", cell_m=0.5, height_scale_m=10.0)
-    assert png.grid is not None
-    assert png.grid.shape == (128, 128)
-    assert (png.grid.min(), png.grid.max()) == (0.0, 10.0)
-    asc = ground(folder, kind="heightmap", file="landlab_hugo_site_filled.asc", datum_m="center")
-    assert asc.grid is not None
-    assert asc.grid.shape == (55, 76)
-    assert np.ptp(asc.grid) == pytest.approx(51.0, abs=1.0)  # 1660 to 1711 m
-    assert asc.missing is not None
-    assert 0.4 < asc.missing.mean() < 0.6
-    dem = ground(folder, kind="heightmap", file="jacksboro_fault_dem.npz", cell_m=80.0)
-    assert dem.grid is not None
-    assert dem.grid.shape == (344, 403)
-    assert (dem.grid.min(), dem.grid.max()) == (236, 1076)
+    png = grid(ground(folder, kind="heightmap", file="raylib_heightmap.png", cell_m=0.5, height_scale_m=10.0))
+    assert png.shape == (128, 128)
+    assert (png.min(), png.max()) == (0.0, 10.0)
+    hugo = ground(folder, kind="heightmap", file="landlab_hugo_site_filled.asc", datum_m="center")
+    assert grid(hugo).shape == (55, 76)
+    assert np.ptp(grid(hugo)) == pytest.approx(51.0, abs=1.0)  # 1660 to 1711 m
+    assert hugo.layers[0].missing is not None
+    assert 0.4 < hugo.layers[0].missing.mean() < 0.6
+    dem = grid(ground(folder, kind="heightmap", file="jacksboro_fault_dem.npz", cell_m=80.0))
+    assert dem.shape == (344, 403)
+    assert (dem.min(), dem.max()) == (236, 1076)
 
 
 def text(content: str) -> Callable[[Path], object]:

@@ -10,9 +10,10 @@ import pytest
 
 import crowd.scenario as scenario
 from crowd.errors import InputError
+from crowd.scenario_ground import HeightMap, Ramp
 from crowd.scenario_herd import Grid, Places
 from crowd.scenario_types import Model
-from crowd.scenario_world import FluidRegion, HeightMap, Ramp
+from crowd.scenario_world import FluidRegion
 from crowd.scenario_yaml import key_text, read_text
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
