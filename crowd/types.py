@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-ClipRole = Literal["idle", "walk", "run", "other"]
+ClipRole = Literal["idle", "walk", "run", "step", "other"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Clip:
     """
 
     name: str
-    role: ClipRole  # gaits faster than a walk (jog, trot, gallop) are "run"
+    role: ClipRole  # gaits faster than a walk (jog, trot, gallop) are "run", those not forward "step"
     duration: float  # s
     rotation: np.ndarray  # [F, J, 4] wxyz, joint to parent
     translation: np.ndarray  # [F, J, 3] m, in the parent's frame
