@@ -141,6 +141,22 @@ def rig(
 
 @app.command()
 @_told
+def analyze(
+    character: Annotated[
+        str, typer.Argument(metavar="CHARACTER", help="Built-in name, .glb, .gltf or .bvh file, or rig description.")
+    ],
+    clip: Annotated[list[str] | None, typer.Option(help="Only this clip, of whatever role (repeatable).")] = None,
+    out: Annotated[Path | None, typer.Option(help="Draw every motion into this folder.")] = None,
+    compat: Annotated[bool, typer.Option("--compat", help="Analyse exactly as the published system does.")] = False,
+) -> None:
+    """Analyse a character's clips: speed, stances, key times and foot paths, as a table and as pictures."""
+    from crowd.analyze import report
+
+    report(character, clip or [], out, compat)
+
+
+@app.command()
+@_told
 def schema(out: Annotated[Path | None, typer.Option(help="Write to this file.")] = None) -> None:
     """Print the JSON Schema of scenario files, for editors."""
     import json

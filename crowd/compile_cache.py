@@ -5,14 +5,15 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from crowd.cache_folder import user_cache
+
 
 def folder() -> Path:
     """`JAX_COMPILATION_CACHE_DIR`, or crowd/jax in the user's cache folder."""
     given = os.environ.get("JAX_COMPILATION_CACHE_DIR")
     if given:
         return Path(given)
-    cache = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    return Path(cache) / "crowd" / "jax"
+    return user_cache("jax")
 
 
 def enable() -> Path | None:

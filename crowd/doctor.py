@@ -9,6 +9,7 @@ import platform
 
 import crowd
 from crowd import compile_cache
+from crowd.analysis import clip_cache
 from crowd.scenario import configs_folder
 
 _PACKAGES = (
@@ -25,6 +26,7 @@ def findings() -> list[tuple[str, str]]:
     cache = compile_cache.folder()
     state = f"{compile_cache.size() / 1e6:.1f} MB" if cache.is_dir() else "made by the first run"
     rows.append(("compile cache", f"{cache} ({state})"))
+    rows.append(("motion cache", str(clip_cache.cache_folder() or "off")))
     rows.append(("scenarios", str(configs_folder())))
     return rows
 

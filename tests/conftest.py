@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import jax
@@ -10,6 +11,7 @@ from jaxtyping import install_import_hook
 
 import tests.typechecker  # noqa: F401  (the hook below finds it by name)
 
+os.environ.setdefault("CROWD_ANALYSIS_CACHE", "0")  # what is tested is computed
 jax.config.update("jax_num_cpu_devices", 2)  # before the first array
 
 REPOSITORY = Path(__file__).resolve().parents[1]

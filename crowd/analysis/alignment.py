@@ -6,7 +6,7 @@ import numpy as np
 
 ITERATIONS, SETTLED = 100, 1e-4
 PULL, GAIN = 0.1, 5.0  # of the original's relaxation
-SPREAD = 0.25  # cycles: phases of one leg within so much of their mean have a mean that means something
+TOGETHER = 0.7  # length of the mean phasor of a leg's phases from which their circular mean means something
 
 
 def cycle_offsets(stance_time: np.ndarray, compat: bool = False) -> np.ndarray:
@@ -25,7 +25,7 @@ def cycle_offsets(stance_time: np.ndarray, compat: bool = False) -> np.ndarray:
     if compat:
         return _relaxed(stance_time)
     offsets = np.zeros(len(stance_time))
-    if np.abs(_lack(stance_time)).max() > SPREAD:
+    if np.abs(np.exp(2j * np.pi * stance_time).mean(0)).min() < TOGETHER:
         offsets = _pattern(stance_time)
     offsets = offsets + _lack(stance_time + offsets[:, None]).mean(1)
     return offsets - offsets.mean()

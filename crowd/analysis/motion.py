@@ -23,7 +23,7 @@ from crowd.analysis.samples import (
     analyse_samples,
     hat,
 )
-from crowd.analysis.stride import feet, stride_count, stride_poses, transforms
+from crowd.analysis.stride import stride_count, stride_poses, transforms
 from crowd.resampling import resample, resample_rotation
 from crowd.types import Archetype, Clip
 
@@ -158,9 +158,7 @@ def _planted(
     archetype: Archetype, clip: Clip, own: Sequence[Foot], strides: int, found: MotionAnalysis
 ) -> tuple[MotionAnalysis, tuple[str, ...]]:
     """The analysis with the default mode's stances, distance and tables, and notes."""
-    rotation, translation = stride_poses(clip, strides, FINE)
-    contact, _ = feet(archetype, rotation, translation)
-    footbase = _fine_footbase(archetype, clip, own, strides, found)
+    contact, footbase = _fine_paths(archetype, clip, own, strides, found)
     stances = planting.find_stances(archetype, clip, contact, footbase, found.duration)
     distance = stances.speed * found.duration
     legs = []
@@ -177,17 +175,18 @@ def _planted(
     return out, stances.notes
 
 
-def _fine_footbase(
+def _fine_paths(
     archetype: Archetype, clip: Clip, own: Sequence[Foot], strides: int, found: MotionAnalysis
-) -> np.ndarray:
-    """Footbases [FINE, L, 3] with the reference's foot vectors."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Contact points and footbases [FINE, L, 3], the latter with the reference's foot vectors."""
     ankle_q, ankle_p, ball_q, ball_p = _foot_joints(archetype, clip, strides, FINE)
+    contact = ball_p + posing.rotate(ball_q, np.array([leg.ball_offset for leg in archetype.legs]))
     heel = ankle_p + posing.rotate(ankle_q, np.array([foot.heel for foot in own]))
     toe = ball_p + posing.rotate(ball_q, np.array([foot.toe_tip for foot in own]))
     lengths = np.array([foot.length for foot in own])
     balance = np.arctan(EDGE * (heel[..., 1] - toe[..., 1]) / lengths)[..., None] / np.pi + 0.5
     vectors = np.array([leg.foot_vector for leg in found.legs])
-    return (1 - balance) * heel + balance * (toe - vectors)
+    return contact, (1 - balance) * heel + balance * (toe - vectors)
 
 
 def _with_stance(leg: LegAnalysis, foot: Foot, stance: int, times: np.ndarray) -> LegAnalysis:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -9,8 +10,9 @@ import numpy as np
 
 from crowd.analysis.alignment import cycle_offsets, wrapped
 from crowd.analysis.backwards import backwards_twin, travels_backwards
+from crowd.analysis.clip_cache import analysed
 from crowd.analysis.foot import Foot, feet_of
-from crowd.analysis.motion import Motion, analyse_clip
+from crowd.analysis.motion import Motion
 from crowd.errors import InputError, Problem, fail
 from crowd.types import Archetype, Clip
 
@@ -77,7 +79,8 @@ def default_clips(archetype: Archetype, feet: Sequence[Foot] | None = None) -> l
     """The idle, every locomotion clip but near duplicates, and a backwards twin where nothing travels backwards.
 
     All are in the group "locomotion". Near duplicates: speed within 10 % and direction within 10 degrees of an earlier
-    clip. The twin is that of the slowest walk that goes forwards.
+    clip. Clips that the archetype names as serving backwards too do so; where still nothing travels backwards, the
+    slowest walk that goes forwards does.
     """
     own = tuple(feet) if feet is not None else feet_of(archetype)
     motions = [motion for motion, _ in _selected(archetype, own, False)[0]]
@@ -98,7 +101,7 @@ def _analysed(
     problems: list[Problem] = []
     for clip, group, backwards in clips:
         try:
-            motion = analyse_clip(archetype, clip, feet, grounded=clip.role not in WALKS, compat=compat)
+            motion = analysed(archetype, clip, feet, grounded=clip.role not in WALKS, compat=compat)
             out.append((motion, group))
             if backwards:
                 out.append((backwards_twin(motion), group))
@@ -116,7 +119,7 @@ def _selected(archetype: Archetype, feet: tuple[Foot, ...], compat: bool) -> tup
     roles = {clip.name: clip.role for clip in archetype.clips}
     for clip in _candidates(archetype):
         try:
-            motion = analyse_clip(archetype, clip, feet, grounded=clip.role not in WALKS, compat=compat)
+            motion = analysed(archetype, clip, feet, grounded=clip.role not in WALKS, compat=compat)
         except InputError as error:
             notes += [f"left out: {problem}" for problem in error.problems]
             continue
@@ -128,7 +131,8 @@ def _selected(archetype: Archetype, feet: tuple[Foot, ...], compat: bool) -> tup
     walks = [motion for motion in kept if motion.kind == "walk"]
     if not walks:
         raise fail(archetype.source, "; ".join(["no clip walks or runs", *notes]))
-    if not any(travels_backwards(motion.velocity) for motion in walks):
+    kept = _with_twins(kept, getattr(archetype, "also_backwards", ()))
+    if not any(travels_backwards(motion.velocity) for motion in kept):
         forward = [motion for motion in walks if motion.velocity[2] > 0.7 * motion.speed > 0]
         slow = [motion for motion in forward if roles[motion.name] != "run"] or forward
         if slow:
@@ -137,11 +141,23 @@ def _selected(archetype: Archetype, feet: tuple[Foot, ...], compat: bool) -> tup
     return [(motion, GROUP) for motion in kept], notes
 
 
+def _with_twins(motions: list[Motion], names: Sequence[str]) -> list[Motion]:
+    """The motions, and behind each whose clip is named its backwards twin, unless another motion travels so."""
+    out: list[Motion] = []
+    for motion in motions:
+        out.append(motion)
+        twin = backwards_twin(motion) if motion.kind == "walk" and motion.name in names else None
+        if twin is not None and not any(_near(twin, other) for other in motions):
+            out.append(twin)
+    return out
+
+
 def _near(a: Motion, b: Motion) -> bool:
     speeds = sorted((a.speed, b.speed))
     if speeds[1] - speeds[0] > SAME_SPEED * speeds[1]:
         return False
-    return speeds[0] == 0 or a.velocity @ b.velocity >= np.cos(np.radians(SAME_DIRECTION)) * a.speed * b.speed
+    along = float(a.velocity @ b.velocity)
+    return speeds[0] == 0 or along >= math.cos(math.radians(SAME_DIRECTION)) * a.speed * b.speed
 
 
 def _aligned(motions: list[Motion], compat: bool) -> list[Motion]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 
 from crowd import posing
@@ -11,19 +9,17 @@ from crowd.resampling import resample, resample_rotation
 from crowd.types import Archetype, Clip, Skeleton
 
 MOST_STRIDES = 6
-COARSE = 48  # samples per stride that tell strides apart
+SEARCHED = 360  # samples of a clip that tell its strides apart; divisible by every stride count tried
 
 
 def stride_count(archetype: Archetype, clip: Clip) -> int:
     """How many equal strides the clip holds (1 where they differ)."""
+    contact, _ = feet(archetype, *resampled(clip, SEARCHED))
+    spread = np.mean((contact - contact.mean(0)) ** 2)
     for strides in range(MOST_STRIDES, 1, -1):
-        rotation, translation = resampled(clip, strides * COARSE)
-        contact, _ = feet(archetype, rotation, translation)
-        spread = contact - contact.mean(0)
-        by_stride = contact.reshape(strides, COARSE, *contact.shape[1:])
-        change = by_stride - np.roll(by_stride, 1, 0)
+        by_stride = contact.reshape(strides, SEARCHED // strides, *contact.shape[1:])
         # feet out of step by half a cycle differ by about twice their spread; equal strides hardly at all
-        if np.mean(change**2) < 0.25**2 * np.mean(spread**2):
+        if np.mean((by_stride - np.roll(by_stride, 1, 0)) ** 2) < 0.25**2 * spread:
             return strides
     return 1
 
@@ -59,33 +55,37 @@ def transforms(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rotation [F, n, 4] and position [F, n, 3], character frame, of some joints of poses [F, J, 4] and [F, J, 3].
 
-    Only the joints above them are computed.
+    Only the joints above them are computed, those of one depth at a time: few joints and few calls.
     """
-    needed: set[int] = set()
+    depth: dict[int, int] = {-1: -1}
     for joint in joints:
-        while joint >= 0 and joint not in needed:
-            needed.add(joint)
+        chain = []
+        while joint not in depth:
+            chain.append(joint)
             joint = skeleton.parents[joint]
-    rows = sorted(needed)
-    place = {joint: row for row, joint in enumerate(rows)}
-    parents = tuple(place.get(skeleton.parents[joint], -1) for joint in rows)
-    part = Skeleton(tuple(skeleton.names[joint] for joint in rows), parents, np.zeros((0, 4)), np.zeros((0, 3)))
-    count = len(rotation)
-    still = posing.Motion(
-        np.zeros((count, 3)), np.tile([1.0, 0, 0, 0], (count, 1)), rotation[:, rows], translation[:, rows],
-        np.ones(count),
-    )  # fmt: skip
-    joint_q, joint_p = posing.world_transforms(part, still)
-    wanted = [place[joint] for joint in joints]
-    return joint_q[:, wanted], joint_p[:, wanted]
+        for number, each in enumerate(reversed(chain), depth[joint] + 1):
+            depth[each] = number
+    q, p = np.zeros_like(rotation), np.zeros_like(translation)
+    for level in range(max(depth.values()) + 1):
+        row = [joint for joint, at in depth.items() if at == level]
+        above = [skeleton.parents[joint] for joint in row]
+        if level == 0:
+            q[:, row], p[:, row] = rotation[:, row], translation[:, row]
+            continue
+        q[:, row] = posing.multiply(q[:, above], rotation[:, row])
+        p[:, row] = p[:, above] + posing.rotate(q[:, above], translation[:, row])
+    return q[:, joints], p[:, joints]
 
 
 def leg_lengths(archetype: Archetype) -> np.ndarray:
     """Length of each leg along its bones from hip to contact point [L], m, in the rest pose; at least 1 mm."""
-    joint_q, joint_p = posing.world_transforms(archetype.skeleton, posing.rest_motion(archetype.skeleton))
-    lengths = []
-    for leg in archetype.legs:
-        tip = joint_p[leg.ball] + posing.rotate(joint_q[leg.ball], np.array(leg.ball_offset))
-        chain = [tip, joint_p[leg.ankle], joint_p[leg.knee], joint_p[leg.hip]]
-        lengths.append(sum(np.linalg.norm(a - b) for a, b in itertools.pairwise(chain)))
-    return np.maximum(np.array(lengths), 1e-3)
+    skeleton, legs = archetype.skeleton, archetype.legs
+    if not legs:
+        return np.zeros(0)
+    joints = [getattr(leg, name) for name in ("ball", "ankle", "knee", "hip") for leg in legs]
+    rotation, position = transforms(skeleton, skeleton.rest_rotation[None], skeleton.rest_translation[None], joints)
+    offsets = np.array([leg.ball_offset for leg in legs])
+    tips = position[0, : len(legs)] + posing.rotate(rotation[0, : len(legs)], offsets)
+    chain = np.concatenate([tips[None], position[0].reshape(4, len(legs), 3)])
+    bones = np.linalg.norm(np.diff(np.delete(chain, 1, 0), axis=0), axis=-1)
+    return np.maximum(bones.sum(0), 1e-3)

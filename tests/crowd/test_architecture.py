@@ -15,7 +15,15 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 # Rooms from the bottom up; a module imports from rooms below its own, or from its own room.
 ROOMS: list[tuple[str, ...]] = [
     ("kernels",),
-    ("crowd.errors", "crowd.types", "crowd.tree", "crowd.posing", "crowd.resampling", "crowd.progress"),
+    (
+        "crowd.errors",
+        "crowd.types",
+        "crowd.tree",
+        "crowd.posing",
+        "crowd.resampling",
+        "crowd.progress",
+        "crowd.cache_folder",
+    ),
     ("crowd.scenario*",),
     ("crowd.characters", "crowd.analysis", "crowd.placement", "crowd.ground*"),
     ("crowd.scene", "crowd.styles"),
@@ -35,7 +43,7 @@ ROOMS: list[tuple[str, ...]] = [
     ("crowd.record*", "crowd.stances", "crowd.metrics"),
     ("crowd.view",),
     ("crowd.report*", "crowd.export"),
-    ("crowd.check", "crowd.doctor", "crowd.run", "crowd.rig"),
+    ("crowd.analyze", "crowd.check", "crowd.doctor", "crowd.run", "crowd.rig"),
     ("crowd.cli", "crowd.__main__"),
 ]
 MODULES = {
