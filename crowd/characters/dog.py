@@ -52,7 +52,7 @@ class _Limb:
 class _Gait:
     name: str
     role: ClipRole
-    speed: float
+    speed: float  # m/s, negative backwards
     cycle: float
     duty: float
     fore: _Limb
@@ -138,6 +138,28 @@ def _walk(skeleton: Skeleton) -> Clip:
     return poser.clip(gait.name, gait.role, gait.cycle, gait.speed)
 
 
+def _backwards(skeleton: Skeleton) -> Clip:
+    """Short steps back in the walk's order of feet, with the walk's swings run through in reverse."""
+    lift = spline((0, 0.3, 0.6, 1), (0, 0.035, 0.04, 0), (0.2, -0.2))
+    duty = 0.66
+    walk_fore = periodic((0, 0.25, 0.45, 0.65, 0.77, 0.9), (4, 12, 2, -50, -85, -25))
+    walk_hind = periodic((0, 0.2, 0.45, 0.65, 0.77, 0.9), (22, 12, -4, -38, -42, 6))
+    fore = _Limb((0.25, 0.75), -0.08, lift, lambda p: 4.0 + 0.6 * (walk_fore((duty - p) % 1.0) - 4.0))
+    hind = _Limb((0.0, 0.5), -0.11, lift, lambda p: 0.6 * walk_hind((duty - p) % 1.0))
+    gait = _Gait("walk_backwards", "step", -0.6, 0.70, duty, fore, hind, 0.022, -6.0)
+    phase = np.arange(_SAMPLES) / _SAMPLES
+    wave = 2 * np.pi * phase
+    poser = Poser(skeleton, _SAMPLES)
+    _carry(poser, -gait.drop + 0.004 * np.cos(2 * wave), 0.5 * np.sin(2 * wave), 0.0 * wave, 0.0 * wave)
+    poser.turn("pelvis", compose(yaw(2.0 * np.cos(wave)), roll(2.0 * np.sin(wave))))
+    poser.turn("loin", yaw(-2.0 * np.cos(wave)))
+    poser.turn("back", roll(-2.0 * np.sin(wave)))
+    poser.turn("head", pitch(6.0 - 1.5 * np.cos(2 * wave)))
+    _wag(poser, phase, 5.0, -8.0)
+    _step(poser, gait)
+    return poser.clip(gait.name, gait.role, gait.cycle, -gait.speed)
+
+
 def _trot(skeleton: Skeleton) -> Clip:
     lift = spline((0, 0.25, 0.5, 0.8, 1), (0, 0.075, 0.095, 0.045, 0), (0.5, -0.4))
     low = spline((0, 0.25, 0.5, 0.8, 1), (0, 0.050, 0.060, 0.032, 0), (0.35, -0.3))
@@ -195,5 +217,5 @@ def build() -> Archetype:
         for kind, pair in (("front", FORE), ("hind", HIND))
         for side, sign in SIDES
     )
-    clips = (_idle(skeleton), _walk(skeleton), _trot(skeleton), _gallop(skeleton))
+    clips = (_idle(skeleton), _walk(skeleton), _trot(skeleton), _gallop(skeleton), _backwards(skeleton))
     return Archetype("dog", skeleton, mesh(skeleton), legs, (), clips, skeleton.names.index("pelvis"), HEIGHT, _MASS)

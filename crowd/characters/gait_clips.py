@@ -103,12 +103,13 @@ def compose(*rotations: np.ndarray) -> np.ndarray:
 class FootPath:
     """Where the contact point is and how the foot is pitched over a cycle; phase 0 is the foot's touchdown.
 
-    stride: speed × cycle, m. front: z of the contact point at touchdown, m, from the origin of the clip. side: its x.
+    stride: speed × cycle, m; negative: backwards. front: of the contact point at touchdown, m along the way from the
+    origin of the clip (z, where the way is forward). side: its x.
     duty: fraction of the cycle on the ground. lift: height of the contact point over the swing (0 to 1), zero at
     both ends. pitch: of the foot against its flat pose over the cycle, degrees, toes up positive. bend: of the
     toes against the foot at toe-off, straightened over `relax` of the swing; on the ground the toes lie flat. late:
     above 1 the foot comes forward later in the swing. follow: share of the ground's speed the foot has as it leaves
-    the ground and as it lands.
+    the ground and as it lands. toward: the way, degrees to the left of forward. ahead: z added to every place, m.
     """
 
     stride: float
@@ -120,6 +121,8 @@ class FootPath:
     relax: float = 0.4
     late: float = 1.0
     follow: float = 1.0
+    toward: float = 0.0
+    ahead: float = 0.0
 
     def contact(self, phase: np.ndarray) -> np.ndarray:
         """Contact point [F, 3]."""
@@ -132,7 +135,8 @@ class FootPath:
         lag = self.stride * (1.0 - self.duty) * (1.0 - self.follow) * _end_slopes(swing)
         along = on_ground + forward + np.where(phase < self.duty, 0.0, lag)
         height = np.where(phase < self.duty, 0.0, self.lift(swing))
-        return np.stack([np.full(phase.shape, self.side), height, along], -1)
+        way = np.radians(self.toward)
+        return np.stack([self.side + along * np.sin(way), height, self.ahead + along * np.cos(way)], -1)
 
     def toe_bend(self, phase: np.ndarray) -> np.ndarray:
         """Angle of the toes against the foot, degrees, toes up positive."""
