@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
+from crowd.ground_walk import walk_notes
 from crowd.scenario_check import recording_bytes
 from crowd.scene import HerdScene, Scene
 
@@ -51,11 +54,33 @@ class Needs:
 
 def needs(scene: Scene, frames: int | None = None) -> Needs:
     """Estimates for `frames` frames (the scenario's when None). Compiles nothing."""
+    count = scene.scenario.frame_count if frames is None else frames
+    seconds = count / scene.scenario.rate_hz
     notes = [*scene.terrain.notes]
+    notes += walk_notes(scene.terrain, {herd.name: _way(herd, seconds) for herd in scene.herds})
     for herd in scene.herds:
         notes += [f"{herd.name}: {note}" for note in (*herd.archetype.notes, *herd.notes)]
-    count = scene.scenario.frame_count if frames is None else frames
     return Needs(tuple(_needs(scene, herd, count) for herd in scene.herds), tuple(dict.fromkeys(notes)))
+
+
+def _way(herd: HerdScene, seconds: float) -> np.ndarray:
+    """Corners [n, m, 2] (x, z) of the way that every character means to go; events are not looked at."""
+    start, model, reach = herd.points, herd.model, seconds * herd.speed
+    if model.waypoints is not None:
+        offset = start - start.mean(0) if model.waypoints.keep_formation else np.zeros_like(start)
+        corners, gone = [start], np.zeros(herd.count)
+        for point in model.waypoints.points_m:
+            step = np.array(point) + offset - corners[-1]
+            length = np.hypot(*step.T)
+            left = np.clip(model.waypoints.speed_m_s * reach - gone, 0.0, length)
+            corners.append(corners[-1] + step * (left / np.maximum(length, 1e-9))[:, None])
+            gone = gone + length
+        return np.stack(corners, 1)
+    if model.velocity_m_s is not None:
+        way = np.array(model.velocity_m_s) * np.ones((herd.count, 1))
+    else:
+        way = (model.speed_m_s or 0.0) * np.stack([np.sin(herd.headings), np.cos(herd.headings)], 1)
+    return np.stack([start, start + way * reach[:, None]], 1)
 
 
 def _needs(scene: Scene, herd: HerdScene, frames: int) -> HerdNeeds:

@@ -82,6 +82,13 @@ def height(
     return _level(ground, x, z, altitude)[1]
 
 
+def level_at(
+    ground: Ground, x: np.ndarray | float, z: np.ndarray | float, altitude: np.ndarray | float | None = None
+) -> np.ndarray:
+    """Number of the layer that `height` is of."""
+    return _level(ground, x, z, altitude)[0]
+
+
 def refuse_missing(ground: Ground, points: np.ndarray, where: str) -> None:
     """`InputError` when one of the points [n, 2] (x, z) lies where the height map has no height."""
     on = without_height(ground, points)
@@ -93,7 +100,7 @@ def refuse_missing(ground: Ground, points: np.ndarray, where: str) -> None:
 def without_height(ground: Ground, points: np.ndarray) -> np.ndarray:
     """Which of the points [n, 2] (x, z) lie on a filled gap of a height map."""
     x, z = points.T
-    level, _ = _level(ground, x, z)
+    level = level_at(ground, x, z)
     on = np.zeros(len(points), bool)
     for number, layer in enumerate(ground.layers):
         if layer.missing is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zipfile
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +13,8 @@ from crowd.errors import fail, nearest
 
 MAX_CELLS = 64_000_000
 ESRI_NODATA = -9999.0  # the format's own default, where the header does not say
+METRES_PER_DEGREE = 111_195.0  # of latitude, on a sphere of 6371 km
+_CELL_KEYS = ("dx", "dy", "xmin", "xmax", "ymin", "ymax")
 _ESRI_KEYS = ("ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "nodata_value")
 
 
@@ -81,9 +84,45 @@ def _npz(path: Path, key: str) -> HeightFile:
         with np.load(path, allow_pickle=False) as file:
             if key not in file.files:
                 raise fail(str(path), f"has no array '{key}'{nearest(key, file.files)}; it has {', '.join(file.files)}")
-            return HeightFile(_numbers(path, file[key]))
+            heights = _numbers(path, file[key])
+            said = {name: float(file[name]) for name in _CELL_KEYS if name in file.files and _is_number(file[name])}
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
         raise fail(str(path), f"is not a readable NPZ archive ({str(error).splitlines()[0]})") from None
+    return _with_cell(heights, said)
+
+
+def _is_number(array: np.ndarray) -> bool:
+    return array.size == 1 and array.dtype.kind in "iuf" and bool(np.isfinite(array).all())
+
+
+def _with_cell(heights: np.ndarray, said: dict[str, float]) -> HeightFile:
+    """Heights with the cell that an archive's dx and dy mean: metres, or degrees where its borders show a latitude.
+
+    Degrees: borders within 360 and 90 that are as far apart as the cells are in all, and cells below 0.05. Metres:
+    cells of at least half a metre and borders, where there are any, that no degrees can be. Nothing else is guessed.
+    """
+    if "dx" not in said or "dy" not in said:
+        return HeightFile(heights)
+    dx, dy = abs(said["dx"]), abs(said["dy"])
+    given = f"dx {said['dx']:g} and dy {said['dy']:g}"
+    if heights.ndim != 2 or not (dx > 0 and dy > 0):
+        return HeightFile(heights, unsure=f"{given}: no size of a cell")
+    borders = [name for name in ("xmin", "xmax", "ymin", "ymax") if name in said]
+    spans = [abs(said["xmax"] - said["xmin"]) / dx, abs(said["ymax"] - said["ymin"]) / dy] if len(borders) == 4 else []
+    rows, columns = heights.shape
+    # Borders lie at the outermost samples, or half a cell beyond them.
+    if any(abs(span - size + 0.5) > 0.6 for span, size in zip(spans, (columns, rows), strict=False)):
+        return HeightFile(heights, unsure=f"{given} do not fit its borders and {columns} x {rows} cells")
+    on_globe = all(abs(said[name]) <= (360.0 if name[0] == "x" else 90.0) for name in borders)
+    if spans and on_globe and max(dx, dy) < 0.05:
+        latitude = math.radians(0.5 * (said["ymin"] + said["ymax"]))
+        cell = dx * METRES_PER_DEGREE * math.cos(latitude), dy * METRES_PER_DEGREE
+        north = math.degrees(latitude)
+        note = f"cells of {dx:.3g} x {dy:.3g} deg at latitude {north:.1f} are {cell[0]:.1f} x {cell[1]:.1f} m"
+        return HeightFile(heights, cell, note)
+    if min(dx, dy) >= 0.5 and not (spans and on_globe):
+        return HeightFile(heights, (dx, dy), f"cells of {dx:g} x {dy:g} m")
+    return HeightFile(heights, unsure=f"{given} could be metres or degrees")
 
 
 def _numbers(path: Path, array: np.ndarray) -> np.ndarray:

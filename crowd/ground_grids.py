@@ -10,7 +10,7 @@ from crowd.errors import fail
 from crowd.ground_files import read_heights
 from crowd.ground_layer import Layer
 from crowd.placement import uniforms
-from crowd.scenario_check import find_file
+from crowd.scenario_files import find_shared
 from crowd.scenario_ground import HeightMap, Rubble
 
 
@@ -48,7 +48,7 @@ def filled(heights: np.ndarray) -> np.ndarray:
 
 def height_map(model: HeightMap, folder: Path) -> tuple[Layer, list[str]]:
     """The layer of a file and what the user should know of it. Raises `InputError` for bad files."""
-    path = find_file(model.file, folder) or folder / model.file
+    path = find_shared(model.file, folder)[0]
     read = read_heights(path, model.key)
     spacing = model.cell_m if model.cell_m is not None else read.cell
     if spacing is None:

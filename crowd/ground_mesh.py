@@ -10,7 +10,7 @@ from crowd.errors import fail
 from crowd.ground_files import MAX_CELLS
 from crowd.ground_grids import filled
 from crowd.ground_layer import Layer
-from crowd.scenario_check import find_file
+from crowd.scenario_files import find_shared
 from crowd.scenario_ground import Mesh
 
 MOST_LEVELS = 4
@@ -22,7 +22,7 @@ NOTHING = -1e6  # m, height of a higher level where a ray meets nothing: far eno
 
 def mesh_layers(model: Mesh, folder: Path) -> tuple[list[Layer], list[str]]:
     """Levels of a mesh file, lowest first, and what the user should know. Raises `InputError` for bad files."""
-    path = find_file(model.file, folder) or folder / model.file
+    path = find_shared(model.file, folder)[0]
     vertices, faces = read_mesh(path)
     if model.up == "z":
         vertices = np.stack([vertices[:, 0], vertices[:, 2], -vertices[:, 1]], 1)

@@ -14,7 +14,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, PrivateAttr
 
 from crowd.errors import InputError, Problem, fail, nearest
-from crowd.scenario_check import cross_checks, find_file
+from crowd.scenario_check import cross_checks
+from crowd.scenario_files import find_file
 from crowd.scenario_herd import BUILT_IN, MAX_CHARACTERS, Event, Herd
 from crowd.scenario_set import apply_overrides
 from crowd.scenario_types import Flag, Model, Name, NotNegative

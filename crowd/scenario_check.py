@@ -14,7 +14,8 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from crowd.errors import Problem, nearest
-from crowd.scenario_ground import HeightMap, Ramp
+from crowd.scenario_files import find_file
+from crowd.scenario_ground_check import ground_problems
 from crowd.scenario_herd import (
     ASSET_SUFFIXES,
     BUILT_IN,
@@ -33,7 +34,6 @@ from crowd.scenario_world import FluidRegion, FluidTable, World
 from crowd.scenario_yaml import Document, KeyPath
 
 M = TypeVar("M", bound=Model)
-MAP_SUFFIXES = (".png", ".npy", ".asc", ".npz")
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def recording_bytes(count: int, joints: int, legs: int, frames: int, pose: bool 
 def cross_checks(document: Document, data: dict[str, Any], table: FluidTable | None, folder: Path) -> list[Problem]:
     """Problems between the parts of a scenario. data: in declared keys (see `validate`)."""
     parts = _parts(document, data)
-    checks = (_sizes, _names, _places, _variations, _ground, _overlaps, _events, _times)
+    checks = (_sizes, _names, _places, _variations, _overlaps, _events, _times)
     problems = [Problem(document.where(path), text) for check in checks for path, text in check(parts, data)]
     problems += [Problem(document.where(path), text) for path, text in _files(parts, data, folder)]
     problems += [Problem(document.where(path), text) for path, text in style_checks(parts.herds, parts.events)]
@@ -166,12 +166,6 @@ def _variations(parts: _Parts, data: dict[str, Any]) -> Found:
                 yield path, f"min {drawn.min} is above max {drawn.max}"
 
 
-def _ground(parts: _Parts, data: dict[str, Any]) -> Found:
-    ground = parts.world.ground if parts.world is not None else None
-    if isinstance(ground, Ramp) and ground.end_m <= ground.start_m:
-        yield ("world", "ground", "end_m"), f"{ground.end_m}: must be above start_m {ground.start_m}"
-
-
 def _overlaps(parts: _Parts, data: dict[str, Any]) -> Found:
     for index, region in parts.regions.items():
         for axis in "xz" if region.area_m is not None else "":
@@ -228,15 +222,6 @@ def _times(parts: _Parts, data: dict[str, Any]) -> Found:
             yield ("pictures", "at_s", index), f"{time} s is after the end of the run ({parts.duration:g} s)"
 
 
-def find_file(name: str, folder: Path) -> Path | None:
-    """A file named in a scenario, relative to the scenario's folder; None when there is none."""
-    path = folder / Path(name).expanduser()
-    try:
-        return path if path.is_file() else None
-    except (OSError, ValueError):  # a name no file can have
-        return None
-
-
 def _files(parts: _Parts, data: dict[str, Any], folder: Path) -> Found:
     herds = data.get("herds")
     for index, herd in enumerate(herds if isinstance(herds, list) else []):
@@ -253,18 +238,8 @@ def _files(parts: _Parts, data: dict[str, Any], folder: Path) -> Found:
                 yield (*path, "archetype"), f"'{archetype}': no such file ({folder / archetype})"
         if isinstance(rig, str) and find_file(rig, folder) is None:
             yield (*path, "rig"), f"'{rig}': no such file ({folder / rig})"
-    ground = parts.world.ground if parts.world is not None else None
-    if isinstance(ground, HeightMap):
-        path = ("world", "ground", "file")
-        suffix = Path(ground.file).suffix.lower()
-        if suffix not in MAP_SUFFIXES:
-            yield path, f"'{ground.file}': must be a {', '.join(MAP_SUFFIXES)} file"
-        elif find_file(ground.file, folder) is None:
-            yield path, f"'{ground.file}': no such file ({folder / ground.file})"
-        if suffix != ".asc" and ground.cell_m is None:
-            yield ("world", "ground"), "missing; 'cell_m' is needed (distance of neighbouring samples)"
-        if suffix == ".png" and ground.height_scale_m is None:
-            yield ("world", "ground"), "missing; 'height_scale_m' is needed (height of white above black)"
+    if parts.world is not None:
+        yield from ground_problems(parts.world.ground, folder)
 
 
 def _fluids(parts: _Parts, table: FluidTable) -> Found:

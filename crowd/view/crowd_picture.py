@@ -73,7 +73,7 @@ def surfaces(scene: SceneLike) -> list[Level]:
 
 def geometry_at(run: Any, scene: SceneLike, frame: int) -> Geometry:
     """Everything to be seen at a recorded frame."""
-    return Geometry(bodies_at(run, scene, frame), scene.ground, surfaces(scene))
+    return Geometry(bodies_at(run, scene, frame), scene.ground, surfaces(scene), getattr(scene, "terrain", None))
 
 
 def travel_azimuth(run: Any, scene: SceneLike, frames: Sequence[int]) -> float:
@@ -118,7 +118,7 @@ def clear_view(geometry: Geometry, camera: Camera, points: np.ndarray) -> Geomet
     for body in geometry.bodies:
         keep = camera.view(body.vertices.mean(1))[:, 2] >= near
         bodies.append(Body(body.vertices[keep], body.triangles, body.color[keep]))
-    return Geometry(bodies, geometry.ground, geometry.levels)
+    return Geometry(bodies, geometry.ground, geometry.levels, geometry.terrain)
 
 
 def nearest_frame(time: np.ndarray, moment: float) -> int:

@@ -7,11 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from crowd.ground import Ground
 from crowd.view.camera import Camera
+from crowd.view.ground_sheets import Sheet, ground_sheets
 
 Field = Callable[[np.ndarray, np.ndarray], np.ndarray]  # (x, z) in m to a height in m
 
 GROUND = np.array([0.50, 0.465, 0.405])  # linear colour
+DECK = np.array([0.44, 0.43, 0.42])  # of levels over others
 GROUND_LINES = 420  # along each axis
 CREASE = (0.55, 0.75)  # cosine between a face and the smooth normal: sharp below, smooth above
 
@@ -46,21 +49,33 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """A scene to draw. `ground` maps x, z (arrays, m) to heights; None leaves the bodies in the air."""
+    """A scene to draw. `ground` maps x, z (arrays, m) to heights; None leaves the bodies in the air.
+
+    terrain: the same ground with all its levels and edges, where it is known; `ground` alone is drawn as one sheet.
+    """
 
     bodies: Sequence[Body] = ()
     ground: Field | None = None
     levels: Sequence[Level] = field(default=())
+    terrain: Ground | None = None
+
+    def above(self, points: np.ndarray) -> np.ndarray:
+        """Height [S] in m of points [S, 3] over the ground seen from above: negative under a deck."""
+        return points[:, 1] - self.ground(points[:, 0], points[:, 2]) if self.ground is not None else points[:, 1]
 
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
-    """Corners [T, 3, 3] m, unit normals there [T, 3, 3], colours [T, 3]; from number `ground` on they are ground."""
+    """Corners [T, 3, 3] m, unit normals there [T, 3, 3], colours [T, 3].
+
+    First bodies, from number `ground` on decks, from number `lowest` on the ground under everything.
+    """
 
     corners: np.ndarray
     normals: np.ndarray
     color: np.ndarray
     ground: int
+    lowest: int
 
 
 def vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -128,10 +143,20 @@ def collect(geometry: Geometry, camera: Camera, smooth: bool = True) -> Triangle
         corners.append(body.vertices[:, body.triangles].reshape(-1, 3, 3))
         normals.append(_corner_normals(body, smooth))
         colors.append(np.repeat(body.color, len(body.triangles), 0))
-    first = sum(len(part) for part in corners)
-    if geometry.ground is not None:
-        corner, normal = ground_sheet(geometry.ground, camera, np.concatenate(corners))
-        corners.append(corner)
-        normals.append(normal)
-        colors.append(np.broadcast_to(GROUND, (len(corner), 3)))
-    return Triangles(np.concatenate(corners), np.concatenate(normals), np.concatenate(colors), first)
+    bodies = sum(len(part) for part in corners)
+    decks = bodies
+    for sheet in _sheets(geometry, camera, np.concatenate(corners)):
+        corners.append(sheet.corners)
+        normals.append(sheet.normals)
+        colors.append(np.broadcast_to(DECK if sheet.deck else GROUND, (len(sheet.corners), 3)))
+        decks += len(sheet.corners) if sheet.deck else 0
+    return Triangles(np.concatenate(corners), np.concatenate(normals), np.concatenate(colors), bodies, decks)
+
+
+def _sheets(geometry: Geometry, camera: Camera, points: np.ndarray) -> list[Sheet]:
+    """The ground, decks first."""
+    if geometry.terrain is not None:
+        return sorted(ground_sheets(geometry.terrain, camera, points), key=lambda sheet: not sheet.deck)
+    if geometry.ground is None:
+        return []
+    return [Sheet(*ground_sheet(geometry.ground, camera, points), deck=False)]

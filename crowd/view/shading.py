@@ -15,6 +15,8 @@ WET = np.array([0.66, 0.64, 0.60], np.float32)  # factor on the ground's colour 
 ABSORB = np.array([1.35, 0.75, 0.62], np.float32)  # of red, green, blue: what makes deep water blue
 SHEEN = np.array([0.008, 0.018, 0.026], np.float32)  # light scattered back by the water just below its surface
 DRY = 0.004  # m under the surface up to which the ground is still drawn dry: level ground and surface do not flicker
+EDGE = 0.05  # difference of normals from which the pixels of the ground between them are drawn finely
+UNDER = 0.5  # m below the ground seen from above: a body under a deck, which darkens nothing on the deck
 F32 = np.float32
 
 
@@ -49,12 +51,14 @@ class Shader:
         bodies = triangles.corners[: triangles.ground]
         with np.errstate(invalid="ignore", over="ignore"):
             slope, _ = edge_functions(xy)
-        shadow = shadow_map(bodies) if len(bodies) else None
+        casting = triangles.corners[: triangles.lowest]
+        shadow = shadow_map(casting) if len(casting) else None
         occlusion = None
         if len(bodies) and geometry.ground is not None:
             centre = bodies.mean(1)
             area = 0.25 * np.abs(np.cross(bodies[:, 1] - bodies[:, 0], bodies[:, 2] - bodies[:, 0])[:, 1])
-            occlusion = contact_occlusion(centre, centre[:, 1] - geometry.ground(centre[:, 0], centre[:, 2]), area)
+            above = geometry.above(centre)
+            occlusion = contact_occlusion(centre, above, np.where(above > -UNDER, area, 0.0))
         return Shader(
             geometry,
             camera,
@@ -91,14 +95,14 @@ class Shader:
     def band(self, top: int, triangle: np.ndarray, nearness: np.ndarray, factor: int) -> np.ndarray:
         """Colours [h, w, 3] of finished pixels, `factor` x `factor` of the picture's, from its rows `top` on.
 
-        triangle, nearness: what is visible there [h * factor, w * factor]. Pixels that see ground or sky alone are
+        triangle, nearness: what is visible there [h * factor, w * factor]. Pixels that see one ground or sky alone are
         coloured once at their centre, the others at each of their parts.
         """
         rows, columns = triangle.shape[0] // factor, triangle.shape[1] // factor
         cut = (rows, factor, columns, factor)
         parts = triangle.reshape(cut).transpose(0, 2, 1, 3).reshape(rows * columns, -1)
         near = nearness.reshape(cut).transpose(0, 2, 1, 3).reshape(rows * columns, -1)
-        plain = (parts >= self.triangles.ground).all(1) | (parts < 0).all(1)
+        plain = self._one_ground(parts) | (parts < 0).all(1)
         y, x = np.divmod(np.arange(rows * columns), columns)
         color = np.empty((rows * columns, 3), F32)
         centre = F32(0.5 * factor)
@@ -115,6 +119,14 @@ class Shader:
         fine = self.colors(parts[~plain].ravel(), near[~plain].ravel(), fine_x.ravel(), fine_y.ravel())
         color[~plain] = fine.reshape(-1, factor * factor, 3).mean(1)
         return color.reshape(rows, columns, 3)
+
+    def _one_ground(self, parts: np.ndarray) -> np.ndarray:
+        """Which of the pixels [P, parts] see one piece of ground alone: no edge of stairs, slopes or a deck."""
+        ground: np.ndarray = np.all(parts >= self.triangles.ground, axis=1)
+        number = parts[ground]
+        deck, normal = number < self.triangles.lowest, self.triangles.normals[number, 0]
+        ground[ground] = (deck == deck[:, :1]).all(1) & (np.abs(normal - normal[:, :1]).max((1, 2)) < EDGE)
+        return ground
 
     def _haze(self, color: np.ndarray, distance: np.ndarray) -> np.ndarray:
         reach = F32(7.0 * np.linalg.norm(np.subtract(self.camera.eye, self.camera.target)) + 30.0)
