@@ -13,6 +13,8 @@ from kernels.drag import OffsetMode, Submersion
 from kernels.stepping import Schedule
 from kernels.terrain import Kind
 
+Faces = Literal["along", "heading", "point", "track"]
+
 TILE = 128  # characters per tile; see docs/architecture.md
 
 
@@ -40,6 +42,11 @@ class HerdLayout:
     block_bones: StaticArray  # [blocks], for rigid drag
     waypoints: int
     loop: bool
+    path: bool  # a curve to walk along
+    closed: bool  # round and round
+    track: bool  # trajectories to follow
+    limits: bool  # of acceleration; otherwise what is asked for is commanded at once
+    faces: Faces  # where characters look when no event says otherwise
 
     @property
     def joints(self) -> int:

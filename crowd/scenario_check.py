@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from crowd.errors import Problem, nearest
+from crowd.scenario_control_check import control
 from crowd.scenario_herd import (
     ASSET_SUFFIXES,
     BUILT_IN,
@@ -60,6 +61,7 @@ def cross_checks(document: Document, data: dict[str, Any], table: FluidTable | N
     checks = (_sizes, _names, _places, _variations, _ground, _overlaps, _events, _times)
     problems = [Problem(document.where(path), text) for check in checks for path, text in check(parts, data)]
     problems += [Problem(document.where(path), text) for path, text in _files(parts, data, folder)]
+    problems += [Problem(document.where(path), text) for path, text in control(parts.herds, parts.events, folder)]
     if table is not None:
         problems += [Problem(document.where(path), text) for path, text in _fluids(parts, table)]
     return problems

@@ -9,14 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from crowd import characters, placement
+from crowd import characters, courses, placement
 from crowd import ground as grounds
 from crowd import scenario as scenarios
 from crowd.analysis.gait import Gait, analyse
+from crowd.curves import Curve
 from crowd.errors import InputError, fail
 from crowd.ground import Ground
 from crowd.scenario import Scenario
 from crowd.scenario_herd import Herd
+from crowd.tracks import Track
 from crowd.types import Archetype, Clip
 
 MOST_GAITS = 4
@@ -38,6 +40,9 @@ class HerdScene:
     mass: np.ndarray  # [n] kg
     speed: np.ndarray  # [n] factor on desired speeds
     phase: np.ndarray  # [n] cycles, where each one's clip starts
+    curve: Curve | None = None  # to walk along
+    along: np.ndarray | None = None  # [n] m, where on it each one starts
+    track: Track | None = None  # trajectories to follow
 
     @property
     def count(self) -> int:
@@ -109,8 +114,9 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Sequence[
 def _herd(scenario: Scenario, index: int, archetype: Archetype, terrain: Ground) -> HerdScene:
     model = scenario.herds[index]
     where = scenario.where("herds", index, "archetype")
-    points, headings = placement.place(model, scenario.seed)
-    grounds.refuse_missing(terrain, points, scenario.where("herds", index, "place"))
+    start = courses.start(model, scenario.seed, scenario.folder, scenario.where("herds", index, "trajectories"))
+    placed = "trajectories" if start.track is not None else "place"
+    grounds.refuse_missing(terrain, start.points, scenario.where("herds", index, placed))
     drawn = placement.variation(model, scenario.seed)
     phase = placement.uniforms(scenario.seed, model.name, "phase", model.count, 1)[:, 0]
     return HerdScene(
@@ -119,12 +125,15 @@ def _herd(scenario: Scenario, index: int, archetype: Archetype, terrain: Ground)
         archetype=archetype,
         gaits=locomotion(archetype, where),
         idle=standing(archetype),
-        points=points,
-        headings=headings,
+        points=start.points,
+        headings=start.headings,
         scale=drawn["height"],
         mass=archetype.mass * drawn["height"] ** 3 * drawn["mass"],
         speed=drawn["speed"],
         phase=phase,
+        curve=start.curve,
+        along=start.along,
+        track=start.track,
     )
 
 

@@ -96,8 +96,8 @@ def gait(
 
 
 def _asked(dt: float, control: Control, state: State) -> Array:
-    """[n] m/s, the desired speed, low-passed: it picks the gait."""
-    desired = jnp.sqrt(state.desired[0] ** 2 + state.desired[1] ** 2 + TINY)
+    """[n] m/s, the commanded speed, low-passed: it picks the gait."""
+    desired = jnp.sqrt(state.command[0] ** 2 + state.command[1] ** 2 + TINY)
     share = controllers.low_pass(dt, control.filter_time)
     return state.gait_speed + (desired - state.gait_speed) * share
 
@@ -112,7 +112,7 @@ def _pace(
     left = state.smoothed[0] * cos - state.smoothed[1] * sin
     ahead, left = stepping.step_velocity(ahead, left, control.side_ratio * blend.speed)
     pace = jnp.sqrt(ahead**2 + left**2 + TINY)
-    desired = jnp.sqrt(state.desired[0] ** 2 + state.desired[1] ** 2 + TINY)
+    desired = jnp.sqrt(state.command[0] ** 2 + state.command[1] ** 2 + TINY)
     speed = jnp.sqrt(state.smoothed[0] ** 2 + state.smoothed[1] ** 2 + TINY)
     walking = (speed > control.stand_ratio * blend.speed) & (state.fault == 0)
     cadence = stepping.cadence(layout.schedule, pace / blend.speed, desired / blend.speed) / blend.period

@@ -17,7 +17,15 @@ ROOMS: list[tuple[str, ...]] = [
     ("kernels",),
     ("crowd.errors", "crowd.types", "crowd.tree", "crowd.posing", "crowd.resampling", "crowd.progress"),
     ("crowd.scenario*",),
-    ("crowd.characters", "crowd.analysis", "crowd.placement", "crowd.ground*"),
+    (
+        "crowd.characters",
+        "crowd.analysis",
+        "crowd.placement",
+        "crowd.curves",
+        "crowd.tracks",
+        "crowd.courses",
+        "crowd.ground*",
+    ),
     ("crowd.scene",),
     (
         "crowd.layout",
