@@ -39,7 +39,7 @@ ROOMS: list[tuple[str, ...]] = [
     ("crowd.components",),
     ("crowd.step",),
     ("crowd.unpack",),
-    ("crowd.simulate", "crowd.compile_cache"),
+    ("crowd.simulate", "crowd.live", "crowd.compile_cache"),
     ("crowd.record*", "crowd.stances", "crowd.metrics"),
     ("crowd.view",),
     ("crowd.report*", "crowd.export"),
