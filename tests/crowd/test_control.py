@@ -148,7 +148,7 @@ def test_facing_a_point_while_walking_round_it(paths: Arrays) -> None:
 
 
 def test_facing_a_heading_and_orders() -> None:
-    """Side-steps along way-points with the eyes on +z; an order keeps the facing; then one faces elsewhere and strafes."""
+    """Side-steps along way-points with the eyes on +z; orders keep the facing or give another."""
     events = [{"at_s": 3.0, "velocity_m_s": [0.0, -0.5]}, {"at_s": 6.0, "velocity_m_s": [0.0, 0.5], "facing_deg": 60.0}]
     events.append({"at_s": 8.0, "velocity_m_s": [0.0, 0.5], "facing_deg": 30.0, "frame": "character"})
     way = {"points_m": [[9.0, 0.0]], "speed_m_s": 0.6}
