@@ -13,14 +13,22 @@ from typing import TYPE_CHECKING, Any
 from crowd.errors import InputError
 
 if TYPE_CHECKING:
+    from crowd.live import Stepper, stepper
     from crowd.scene import Scene, load
     from crowd.simulate import Result, simulate
 
 __version__ = "0.1.0"
-__all__ = ["InputError", "Result", "Scene", "__version__", "load", "simulate"]
+__all__ = ["InputError", "Result", "Scene", "Stepper", "__version__", "load", "simulate", "stepper"]
 
 # What brings JAX, which `import crowd` need not wait for: name -> module.
-_LAZY = {"load": "crowd.scene", "Scene": "crowd.scene", "simulate": "crowd.simulate", "Result": "crowd.simulate"}
+_LAZY = {
+    "load": "crowd.scene",
+    "Scene": "crowd.scene",
+    "simulate": "crowd.simulate",
+    "Result": "crowd.simulate",
+    "stepper": "crowd.live",
+    "Stepper": "crowd.live",
+}
 
 
 def __getattr__(name: str) -> Any:

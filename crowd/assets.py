@@ -54,6 +54,10 @@ class HerdAssets:
     skin_local: Array  # [influences, 4, V]
     rigid_mesh: RigidMesh
     waypoints: Array  # [2, W, 1] m
+    path: Array  # [3, M, 1] equal steps along the curve: place (x, z) m, and the most speed m/s for its turns
+    path_length: Array  # [] m
+    track_rate: Array  # [] samples per second of `Character.track`
+    look_at: Array  # [2] m, point (x, z) that characters face
     strides: StrideAssets | None  # semi-procedural only
 
 

@@ -8,12 +8,14 @@ import jax
 import numpy as np
 
 from crowd.assets import Assets, GroundLayer, World
+from crowd.courses import formation
 from crowd.ground import Ground
 from crowd.ground_layer import Layer
 from crowd.herd_assets import herd_assets, herd_layout
 from crowd.initial import initial_state
 from crowd.layout import TILE, GroundLayout, Layout
 from crowd.params import Character, Control, Events, Fluids, Params, Sigmoid, StyleEvents
+from crowd.scenario_control import turn_rate
 from crowd.scenario_herd import Event
 from crowd.scenario_world import Sigmoid as SigmoidModel
 from crowd.scene import HerdScene, Scene, by_priority
@@ -22,6 +24,7 @@ from crowd.stride_assets import stride_control
 
 Program = tuple[Layout, Assets, Params, tuple[State, ...]]
 
+AT_ONCE = 1e6  # m/s2, where one of two limits is left out
 # Gains that behaved for a person of 70 kg and 1.70 m; others are scaled with mass and size (Froude similarity).
 PERSON_MASS, PERSON_SIZE = 70.0, 1.70
 GAINS = dict(gain_forward=900.0, gain_side=250.0, damping=70.0)
@@ -187,7 +190,6 @@ def _control() -> Control:
         close_time=_f32(0.45),
         close_distance=_f32(0.11),
         foot_gap=_f32(0.6),
-        turn_rate=_f32(2.1),
         ground_time=_f32(0.12),
         slope_gain=_f32(1.0),
         arm_margin=_f32(0.08),
@@ -210,8 +212,10 @@ def _events(scene: Scene) -> Events:
         impulse=_f32(np.array([event.impulse_n_s for event in pushes]).reshape(-1, 3)),
         impulse_local=local(pushes),
         turn_frame=frames(turns),
-        turn=_f32(np.array([event.velocity_m_s for event in turns]).reshape(-1, 2)),
+        turn=_f32(np.array([event.turn for event in turns]).reshape(-1, 2)),
         turn_local=local(turns),
+        turn_faces=_f32(np.array([event.facing_deg is not None for event in turns])),
+        turn_facing=_f32(np.radians([event.facing_deg or 0.0 for event in turns])),
     )
 
 
@@ -227,16 +231,11 @@ def _character(scene: Scene, herd: HerdScene) -> dict[str, np.ndarray]:
         given = getattr(herd.model.gains, key)
         if given is not None:
             values[name] = np.full_like(mass, given)
-    way = herd.model.waypoints
-    offset = np.zeros((2, herd.count))
-    if way and way.keep_formation:
-        offset = (herd.points - herd.points.mean(0)).T
     return dict(
         scale=scale,
         mass=mass,
         speed=herd.speed,
-        offset=offset,
-        way_speed=(way.speed_m_s if way else 0.0) * herd.speed,
+        **_guidance(herd),
         impulse=_chosen(scene, herd, impulses=True),
         turn=_chosen(scene, herd, impulses=False),
         style=_playing(scene, herd),
@@ -264,6 +263,25 @@ def _playing(scene: Scene, herd: HerdScene) -> np.ndarray:
 
 def _who(event: Event) -> slice | list[int]:
     return slice(None) if event.characters == "all" else list(event.characters)
+
+
+def _guidance(herd: HerdScene) -> dict[str, np.ndarray]:
+    """Fields of a herd's `Character` that steer it."""
+    count, model, limits = herd.count, herd.model, herd.model.limits
+    way = model.waypoints or model.path
+    kept = formation(model.path) if model.path else bool(way and way.keep_formation)
+    quicken, slow = limits.acceleration_m_s2, limits.deceleration_m_s2
+    track, table = herd.track, np.zeros((5, 0, count))
+    if track is not None:
+        table = np.concatenate([track.place.T, track.velocity.T, track.heading.T[None]]).transpose(0, 2, 1)
+    return dict(
+        offset=(herd.points - herd.points.mean(0)).T if kept else np.zeros((2, count)),
+        way_speed=(way.speed_m_s if way else 0.0) * herd.speed,
+        acceleration=np.full(count, AT_ONCE if quicken is None else quicken),
+        deceleration=np.full(count, slow or quicken or AT_ONCE),
+        turn_rate=np.full(count, turn_rate(limits)),
+        track=table,
+    )
 
 
 def _extent(herd: HerdScene) -> float:

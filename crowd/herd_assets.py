@@ -10,8 +10,9 @@ import numpy as np
 from crowd import posing
 from crowd.analysis.gait import Gait, feet
 from crowd.assets import HerdAssets
-from crowd.layout import HerdLayout
+from crowd.layout import Faces, HerdLayout
 from crowd.resampling import resample, resample_rotation
+from crowd.scenario_control import Facing, turn_rate
 from crowd.scene import SAMPLES, HerdScene
 from crowd.stride_assets import FLIGHT_SAMPLES, chains, motion_layout, stride_assets
 from crowd.tree import StaticArray
@@ -54,6 +55,11 @@ def herd_layout(herd: HerdScene) -> HerdLayout:
         block_bones=StaticArray(_blocks(mesh)[0].astype(np.int32)),
         waypoints=len(waypoints.points_m) if waypoints else 0,
         loop=bool(waypoints and waypoints.loop),
+        path=herd.curve is not None,
+        closed=herd.curve is not None and herd.curve.closed,
+        track=herd.track is not None,
+        limits=herd.model.limits.acceleration_m_s2 is not None or herd.model.limits.deceleration_m_s2 is not None,
+        faces=_faces(herd),
     )
 
 
@@ -90,8 +96,31 @@ def herd_assets(herd: HerdScene) -> HerdAssets:
         skin_local=_array(_influences(rig.mesh)[1]),
         rigid_mesh=_blocks(rig.mesh)[1],
         waypoints=_array(np.asarray(waypoints, float).reshape(-1, 2).T[..., None]),
+        path=_array(_path(herd)),
+        path_length=_array(np.array(herd.curve.length if herd.curve else 0.0)),
+        track_rate=_array(np.array(herd.track.rate if herd.track else 1.0)),
+        look_at=_array(np.array(_point(herd) or (0.0, 0.0))),
         strides=stride_assets(herd) if herd.motions else None,
     )
+
+
+def _path(herd: HerdScene) -> np.ndarray:
+    """[3, M, 1] see `HerdAssets.path`."""
+    curve = herd.curve
+    if curve is None:
+        return np.zeros((3, 0, 1))
+    return np.concatenate([curve.points.T, curve.speed(turn_rate(herd.model.limits))[None]])[..., None]
+
+
+def _point(herd: HerdScene) -> tuple[float, float] | None:
+    facing = herd.model.facing
+    return facing.point_m if isinstance(facing, Facing) else None
+
+
+def _faces(herd: HerdScene) -> Faces:
+    if isinstance(herd.model.facing, Facing):
+        return "heading" if _point(herd) is None else "point"
+    return "along" if herd.track is None else "track"
 
 
 def _array(values: np.ndarray) -> Any:

@@ -10,6 +10,7 @@ from crowd import ground
 from crowd.analysis.gait import feet
 from crowd.herd_assets import most_stride
 from crowd.layout import Layout
+from crowd.scenario_control import Facing
 from crowd.scene import HerdScene, Scene
 from crowd.stride_assets import initial_strides
 
@@ -19,7 +20,11 @@ def initial_state(scene: Scene, herd: HerdScene, layout: Layout) -> dict[str, An
     count = herd.count
     zero = np.zeros(count)
     desired, follows = _desired(herd)
-    gait = initial_strides(scene, herd, desired) if layout.gait == "semi_procedural" else _footsteps(herd, desired)
+    yaw = _yaw(herd)
+    if layout.gait == "semi_procedural":
+        gait = initial_strides(scene, herd, yaw, desired)
+    else:
+        gait = _footsteps(herd, yaw, desired)
     x, z = herd.points.T
     mesh = herd.archetype.mesh
     previous = np.zeros((3, len(mesh.vertices), count), np.float32)
@@ -33,11 +38,14 @@ def initial_state(scene: Scene, herd: HerdScene, layout: Layout) -> dict[str, An
         position=np.stack([x, ground.height(scene.terrain, x, z), z]),
         velocity=desired,
         desired=desired,
-        waypoint=np.full(count, 0 if herd.model.waypoints else -1, np.int32),
-        facing=herd.headings,
-        heading=herd.headings,
+        command=desired,
+        waypoint=np.full(count, 0 if _guided(herd) else -1, np.int32),
+        along=zero if herd.along is None else herd.along,
+        facing=yaw,
+        heading=yaw,
         follows=np.full(count, follows),
-        yaw=herd.headings,
+        looks=np.full(count, herd.track is not None or isinstance(herd.model.facing, Facing)),
+        yaw=yaw,
         yaw_rate=zero,
         pitch=zero,
         pitch_rate=zero,
@@ -52,13 +60,13 @@ def initial_state(scene: Scene, herd: HerdScene, layout: Layout) -> dict[str, An
     )
 
 
-def _footsteps(herd: HerdScene, desired: np.ndarray) -> dict[str, np.ndarray]:
+def _footsteps(herd: HerdScene, yaw: np.ndarray, desired: np.ndarray) -> dict[str, np.ndarray]:
     """Fields of `Footsteps`."""
     legs, count = len(herd.archetype.legs), herd.count
     speed = np.hypot(*desired)
     gait = _nearest_gait(herd, speed)
     moving = speed > 0.115 * np.array([g.speed for g in herd.gaits])[gait] * np.sqrt(herd.scale)
-    progress, handle, target = _feet(herd, desired, gait, moving)
+    progress, handle, target = _feet(herd, yaw, desired, gait, moving)
     return dict(
         smoothed=desired,
         gait_speed=speed,
@@ -66,19 +74,22 @@ def _footsteps(herd: HerdScene, desired: np.ndarray) -> dict[str, np.ndarray]:
         progress=progress.reshape(legs, count),
         handle=handle,
         target=target,
-        foot_yaw=np.tile(herd.headings, (legs, 1)),
+        foot_yaw=np.tile(yaw, (legs, 1)),
     )
 
 
 def _desired(herd: HerdScene) -> tuple[np.ndarray, bool]:
     """[2, n] m/s asked for at the start, and whether headings follow it."""
     model, count = herd.model, herd.count
+    free = model.facing == "along"
     sin, cos = np.sin(herd.headings), np.cos(herd.headings)
-    if model.waypoints is not None:
-        speed = model.waypoints.speed_m_s * herd.speed
-        return np.stack([sin, cos]) * speed, True
+    if herd.track is not None:
+        return herd.track.velocity[0].T, False
+    way = model.waypoints or model.path
+    if way is not None:
+        return np.stack([sin, cos]) * (way.speed_m_s * herd.speed), free
     if model.velocity_m_s is not None:
-        return np.array(model.velocity_m_s).reshape(2, 1) * herd.speed, True
+        return np.array(model.velocity_m_s).reshape(2, 1) * herd.speed, free
     return np.stack([sin, cos]) * ((model.speed_m_s or 0.0) * herd.speed * np.ones(count)), False
 
 
@@ -89,8 +100,24 @@ def _nearest_gait(herd: HerdScene, speed: np.ndarray) -> np.ndarray:
     return (speed[:, None] / np.sqrt(herd.scale)[:, None] > middle).sum(1)
 
 
+def _guided(herd: HerdScene) -> bool:
+    """Whether way-points, a path or trajectories say where to go."""
+    return herd.model.waypoints is not None or herd.curve is not None or herd.track is not None
+
+
+def _yaw(herd: HerdScene) -> np.ndarray:
+    """[n] rad, where characters look at the start: where they go, unless the herd faces something."""
+    facing = herd.model.facing
+    if not isinstance(facing, Facing):
+        return herd.headings
+    if facing.point_m is None:
+        return np.full(herd.count, np.radians(facing.heading_deg or 0.0))
+    x, z = (np.array(facing.point_m) - herd.points).T
+    return np.where(np.hypot(x, z) > 1e-6, np.arctan2(x, z), herd.headings)
+
+
 def _feet(
-    herd: HerdScene, desired: np.ndarray, gait: np.ndarray, moving: np.ndarray
+    herd: HerdScene, yaw: np.ndarray, desired: np.ndarray, gait: np.ndarray, moving: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Progress [L, n], handle and target [2, L, n] of feet that have walked steadily for ever, or stand at rest."""
     own = np.array([g.speed for g in herd.gaits])[gait] * np.sqrt(herd.scale)
@@ -104,7 +131,7 @@ def _feet(
     stride = stride * np.minimum(1.0, most / np.maximum(np.hypot(*stride), 1e-9))
     stand = _standing_feet(herd)[..., None] * herd.scale
     rest = np.where(moving, rest, stand)
-    sin, cos = np.sin(herd.headings), np.cos(herd.headings)
+    sin, cos = np.sin(yaw), np.cos(yaw)
     rest = np.stack([rest[0] * cos + rest[1] * sin, rest[1] * cos - rest[0] * sin])
     since = np.mod(herd.phase - lift, 1.0)
     swing = 1.0 - duty

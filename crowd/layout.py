@@ -14,6 +14,8 @@ from kernels.stepping import Schedule
 from kernels.terrain import Kind
 
 Gait = Literal["semi_procedural", "footsteps", "clip"]
+Faces = Literal["along", "heading", "point", "track"]
+
 TILE = 128  # characters per tile; see docs/architecture.md
 
 
@@ -54,6 +56,11 @@ class HerdLayout:
     block_bones: StaticArray  # [blocks], for rigid drag
     waypoints: int
     loop: bool
+    path: bool  # a curve to walk along
+    closed: bool  # round and round
+    track: bool  # trajectories to follow
+    limits: bool  # of acceleration; otherwise what is asked for is commanded at once
+    faces: Faces  # where characters look when no event says otherwise
 
     @property
     def joints(self) -> int:
@@ -71,7 +78,7 @@ class HerdLayout:
     def limb_segments(self) -> np.ndarray:
         """[J] segment that carries each joint after inverse kinematics, -1 for none.
 
-        Segments: every bone of the chain and the foot of every leg, then of every arm, segment-major within legs and within arms.
+        Segments: every bone of the chain and the foot of each leg, then of each arm, segment-major in both.
         """
         segment = np.full(self.joints, -1)
         legs, arms, parts = self.legs, self.arms, len(self.chain[0]) if self.chain else 0

@@ -42,7 +42,6 @@ class Control:
     close_time: Array  # s, of a closing step
     close_distance: Array  # of the leg's length: a standing foot further from its rest place steps
     foot_gap: Array  # of the feet's rest distance: lateral gap that a step must keep
-    turn_rate: Array  # rad/s
     ground_time: Array  # s, low-pass of the ground height under the body
     slope_gain: Array  # share of gravity's pull along the slope that acts on the body
     arm_margin: Array  # m, of hands above the surface
@@ -78,8 +77,12 @@ class Character:
     pitch_inertia: Array  # [n] kg m2
     pitch_gain: Array  # [n] N m/rad
     pitch_damping: Array  # [n] N m s
-    offset: Array  # [2, n] m, from the herd's way-points
-    way_speed: Array  # [n] m/s, along way-points
+    offset: Array  # [2, n] m, from the herd's way-points or path
+    way_speed: Array  # [n] m/s, along way-points or a path
+    acceleration: Array  # [n] m/s2, of the command
+    deceleration: Array  # [n] m/s2
+    turn_rate: Array  # [n] rad/s, of the heading
+    track: Array  # [5, m, n] trajectory: place (x, z) m, velocity (x, z) m/s, heading rad, from the run's start
     impulse: Array  # [E, n] 1 where an impulse event meets the character
     turn: Array  # [E, n] 1 where a velocity event meets it
     style: Array  # [E, n] 1 where an event of the herd's `StyleEvents` meets it
@@ -95,6 +98,8 @@ class Events:
     turn_frame: Array  # [E] int32
     turn: Array  # [E, 2] m/s (x, z)
     turn_local: Array  # [E] 1: axes of the character
+    turn_faces: Array  # [E] 1: the event says where to face
+    turn_facing: Array  # [E] rad, where
 
 
 @pytree

@@ -41,6 +41,8 @@ def place(herd: Herd, seed: int) -> tuple[np.ndarray, np.ndarray]:
             points = _poisson_disc(disc, herd, seed)
         case Places() as places:
             points = np.array(places.points_m, dtype=np.float64)
+        case None:  # along a path or where trajectories begin: see crowd.courses
+            points = np.zeros((herd.count, 2))
     return points, np.full(herd.count, _heading(herd, points))
 
 

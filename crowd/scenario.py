@@ -15,6 +15,7 @@ from pydantic import Field, PrivateAttr
 
 from crowd.errors import InputError, Problem, fail, nearest
 from crowd.scenario_check import cross_checks
+from crowd.scenario_control_check import fill_counts
 from crowd.scenario_files import find_file
 from crowd.scenario_herd import BUILT_IN, MAX_CHARACTERS, Event, Herd
 from crowd.scenario_set import apply_overrides
@@ -155,9 +156,10 @@ def load(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) 
     document, problems = apply_overrides(document, overrides, Scenario)
     if path is not None and "name" not in document.data:
         document.data["name"] = path.stem
+    folder = path.parent if path is not None else Path.cwd()
+    fill_counts(document.data, folder)
     scenario, parts, found_problems = validate(document, Scenario)
     problems += found_problems
-    folder = path.parent if path is not None else Path.cwd()
     table, table_problems = _fluids(document, folder)
     problems += table_problems + cross_checks(document, parts, table, folder)
     if problems or scenario is None:

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from crowd.errors import Problem, nearest
+from crowd.scenario_control_check import control
 from crowd.scenario_files import find_file
 from crowd.scenario_ground_check import ground_problems
 from crowd.scenario_herd import (
@@ -63,6 +64,7 @@ def cross_checks(document: Document, data: dict[str, Any], table: FluidTable | N
     problems = [Problem(document.where(path), text) for check in checks for path, text in check(parts, data)]
     problems += [Problem(document.where(path), text) for path, text in _files(parts, data, folder)]
     problems += [Problem(document.where(path), text) for path, text in style_checks(parts.herds, parts.events)]
+    problems += [Problem(document.where(path), text) for path, text in control(parts.herds, parts.events, folder)]
     if table is not None:
         problems += [Problem(document.where(path), text) for path, text in _fluids(parts, table)]
     return problems

@@ -6,6 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
+from crowd.scenario_control import Distance, Facing, Limits, Route, Trajectories, Waypoints
 from crowd.scenario_styles import NORMAL, ClipName, Styles
 from crowd.scenario_types import Flag, Model, Name, NotNegative, Number, Point, Positive
 
@@ -20,7 +21,6 @@ _TAKEN = (
 TAKEN_NAMES = frozenset(_TAKEN.split())
 
 Count = Annotated[int, Field(strict=True, ge=1, le=MAX_CHARACTERS)]
-Distance = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=1e4)]
 Speed = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-15, le=15)]
 Factor = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.1, le=10)]
 
@@ -60,16 +60,6 @@ class Places(Model):
 
 
 Place = Annotated[Grid | Disc | PoissonDisc | Places, Field(discriminator="kind")]
-
-
-class Waypoints(Model):
-    """Points to walk to, one after the other, at one speed; then stand, or start again (`loop`)."""
-
-    points_m: Annotated[tuple[Point, ...], Field(min_length=1)]
-    speed_m_s: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=15)]
-    loop: Flag = False
-    keep_formation: Flag = True
-    """Every character keeps its offset from the herd's middle; otherwise all walk to the same point."""
 
 
 class Normal(Model):
@@ -170,22 +160,33 @@ class Locomotion(Model):
 class Herd(Model):
     """Characters of one archetype."""
 
-    exactly_one: ClassVar[tuple[str, ...]] = ("speed_m_s", "velocity_m_s", "waypoints")
+    exactly_one: ClassVar[tuple[str, ...]] = ("speed_m_s", "velocity_m_s", "waypoints", "path", "trajectories")
+    at_least_one: ClassVar[tuple[tuple[str, ...], ...]] = (("count", "trajectories"), ("place", "path", "trajectories"))
 
     name: Name
     archetype: Annotated[str, Field(min_length=1, max_length=1000)]
     """human, dog, hexapod, or a .glb, .gltf, .bvh or rig description .yaml (relative to this file)."""
     rig: str | dict[str, Any] | None = None
     """Rig description that overrides detection: a .yaml file or the mapping itself."""
-    count: Count
-    place: Place
+    count: Count = 0
+    """Left out with trajectories: as many as the file has."""
+    place: Place | None = None
+    """Not needed with trajectories, nor along a path with `along: spread`."""
     heading_deg: Number = 0.0
-    """0 looks along +z, positive turns left (toward +x); left out: along velocity_m_s or to the first way-point."""
+    """0 looks along +z, positive turns left (toward +x); left out: along velocity_m_s, the path or to the
+    first way-point."""
     speed_m_s: Speed | None = None
     """Desired speed along the heading."""
     velocity_m_s: tuple[Speed, Speed] | None = None
     """Desired velocity in the world [x, z]."""
     waypoints: Waypoints | None = None
+    path: Route | None = None
+    """A curve to walk along."""
+    trajectories: Trajectories | None = None
+    """Ways from a file."""
+    facing: Literal["along"] | Facing = "along"
+    """along: the way one walks. Otherwise characters look there and step sideways or backwards as they must."""
+    limits: Limits = Limits()
     variation: Variation = Variation()
     gains: Gains = Gains()
     locomotion: Locomotion = Locomotion()
@@ -200,7 +201,7 @@ class Herd(Model):
 class Event(Model):
     """Something that happens at a time to chosen characters."""
 
-    exactly_one: ClassVar[tuple[str, ...]] = ("impulse_n_s", "velocity_m_s", "style", "clip")
+    exactly_one: ClassVar[tuple[str, ...]] = ("impulse_n_s", "velocity_m_s", "stop", "style", "clip")
 
     at_s: NotNegative
     herds: Annotated[tuple[Name, ...], Field(min_length=1)] | None = None
@@ -218,10 +219,19 @@ class Event(Model):
     """Cross-fade to the style (left out: 0.3) or to the clip and back (0.1)."""
     hold_s: Positive | None = None
     """How long the clip plays until it fades back; left out: once through."""
+    stop: Flag | None = None
+    """true: stand from then on, the same as velocity_m_s: [0, 0]."""
+    facing_deg: Number | None = None
+    """With velocity_m_s or stop: heading to keep from then on; left out: as the herd's `facing` says."""
     frame: Literal["world", "character"] = "world"
-    """Axes of the impulse or velocity."""
+    """Axes of the impulse or velocity, and what facing_deg is counted from."""
 
     @property
     def plays(self) -> bool:
         """Whether it is about what characters play; otherwise it moves them."""
         return self.style is not None or self.clip is not None
+
+    @property
+    def turn(self) -> tuple[float, float] | None:
+        """m/s, the velocity asked for; None for an impulse."""
+        return (0.0, 0.0) if self.stop else self.velocity_m_s

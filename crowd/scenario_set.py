@@ -14,7 +14,11 @@ from crowd.scenario_yaml import Document, KeyPath, key_text, read_text
 
 _STEP = re.compile(r"([^.\[\]=]+)|\[(\d+)\]")
 # Keys of which one replaces the others, so that `--set frames=60` works on a file with duration_s.
-_INSTEAD = (("duration_s", "frames"), ("speed_m_s", "velocity_m_s", "waypoints"), ("fluid", "density_kg_m3"))
+_INSTEAD = (
+    ("duration_s", "frames"),
+    ("speed_m_s", "velocity_m_s", "waypoints", "path", "trajectories"),
+    ("fluid", "density_kg_m3"),
+)
 
 
 def apply_overrides(document: Document, overrides: Sequence[str], model: type[Model]) -> tuple[Document, list[Problem]]:

@@ -61,6 +61,7 @@ class Model(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
     exactly_one: ClassVar[tuple[str, ...]] = ()  # keys of which exactly one must be given
+    at_least_one: ClassVar[tuple[tuple[str, ...], ...]] = ()  # groups of keys, each with one or more given
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
@@ -75,6 +76,7 @@ class Model(BaseModel):
             if others and key in body.get("required", []):
                 body["required"].remove(key)
                 rules.append({"oneOf": [{"required": [name]} for name in (key, *others)]})
+        rules += [{"anyOf": [{"required": [name]} for name in group]} for group in cls.at_least_one]
         if cls.exactly_one:
             names = [name for key in cls.exactly_one for name in (key, *spellings(key))]
             rules.append({"oneOf": [{"required": [name]} for name in names]})

@@ -81,6 +81,10 @@ def _visit_model(
         choice = ", ".join(model.exactly_one)
         found = f"both {' and '.join(given)} are given" if given else "none is given"
         problems.append(Problem(document.where(path), f"exactly one of {choice} is needed; {found}"))
+    for first, *others in model.at_least_one:
+        if all(clean.get(key) is None for key in (first, *others)):
+            message = f"missing; '{first}' is needed (or {' or '.join(others)})"
+            problems.append(Problem(document.where((*path, first)), message))
     return clean
 
 

@@ -11,19 +11,21 @@ from typing import Any
 
 import numpy as np
 
-from crowd import characters, placement
+from crowd import characters, courses, placement
 from crowd import ground as grounds
 from crowd import scenario as scenarios
 from crowd.analysis.foot import Foot
 from crowd.analysis.gait import Gait, analyse
 from crowd.analysis.motion import Motion
 from crowd.analysis.motion_set import Entry, MotionSet, default_clips, motion_set
+from crowd.curves import Curve
 from crowd.errors import InputError, fail
 from crowd.ground import Ground
 from crowd.scenario import Scenario
 from crowd.scenario_herd import Herd
 from crowd.scenario_styles import NORMAL
 from crowd.styles import Play, Repertoire, StyleClips, repertoire, unmet
+from crowd.tracks import Track
 from crowd.types import Archetype, Clip
 
 MOST_GAITS = 4
@@ -53,6 +55,9 @@ class HerdScene:
     extras: tuple[Clip, ...]  # clips that events play; channels of `plays` are styles, then extras
     plays: tuple[Play, ...]  # style and clip events that meet this herd
     notes: tuple[str, ...]  # what of styles and events the user may not have meant
+    curve: Curve | None = None  # to walk along
+    along: np.ndarray | None = None  # [n] m, where on it each one starts
+    track: Track | None = None  # trajectories to follow
 
     @property
     def count(self) -> int:
@@ -130,8 +135,9 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Sequence[
 def _herd(scenario: Scenario, index: int, archetype: Archetype, terrain: Ground) -> HerdScene:
     model = scenario.herds[index]
     where = scenario.where("herds", index, "archetype")
-    points, headings = placement.place(model, scenario.seed)
-    grounds.refuse_missing(terrain, points, scenario.where("herds", index, "place"))
+    start = courses.start(model, scenario.seed, scenario.folder, scenario.where("herds", index, "trajectories"))
+    placed = "trajectories" if start.track is not None else "place"
+    grounds.refuse_missing(terrain, start.points, scenario.where("herds", index, placed))
     drawn = placement.variation(model, scenario.seed)
     phase = placement.uniforms(scenario.seed, model.name, "phase", model.count, 1)[:, 0]
     idle = standing(archetype)
@@ -147,8 +153,8 @@ def _herd(scenario: Scenario, index: int, archetype: Archetype, terrain: Ground)
         archetype=archetype,
         gaits=locomotion(archetype, where),
         idle=idle,
-        points=points,
-        headings=headings,
+        points=start.points,
+        headings=start.headings,
         scale=drawn["height"],
         mass=archetype.mass * drawn["height"] ** 3 * drawn["mass"],
         speed=drawn["speed"],
@@ -157,6 +163,9 @@ def _herd(scenario: Scenario, index: int, archetype: Archetype, terrain: Ground)
         style=plays.style,
         extras=plays.extras,
         plays=plays.plays,
+        curve=start.curve,
+        along=start.along,
+        track=start.track,
     )
 
 

@@ -71,10 +71,13 @@ class State:
     position: Array  # [3, n] m, world; y is the (smoothed) ground height that carries the body
     velocity: Array  # [2, n] m/s, world (x, z)
     desired: Array  # [2, n] m/s, asked for, world (x, z)
-    waypoint: Array  # [n] int32, next way-point; -1: none
+    command: Array  # [2, n] m/s, the same within the limits of acceleration: what the body follows
+    waypoint: Array  # [n] int32, next way-point, 0 along a path or trajectory; -1: none
+    along: Array  # [n] m, way done on the path
     facing: Array  # [n] rad, heading asked for
     heading: Array  # [n] rad, the same within the turn rate
-    follows: Array  # [n] bool: heading follows the desired velocity
+    follows: Array  # [n] bool: heading follows the command
+    looks: Array  # [n] bool: otherwise it turns to the herd's point or its trajectory's heading, not to `facing`
     yaw: Array  # [n] rad
     yaw_rate: Array
     pitch: Array  # [n] rad, positive leans forward

@@ -58,12 +58,11 @@ def step(
     with jax.named_scope("sense"):
         place = wall(lambda position: sense.sense(layout, world, params.fluids, position), state.position)
     with jax.named_scope("steer"):
-        asked = wall(lambda c, s: steer.steer(layout, herd, assets, params, c, s), character, state)
-        state = dataclasses.replace(state, **asked)
+        state, course = steer.steer(layout, herd, assets, params, character, state, wall)
     with jax.named_scope("forces"):
         wrench = wall(lambda c, s, p: forces.total(layout, params, c, s, p), character, state, place)
     with jax.named_scope("body"):
-        state = body.body(layout, params, character, state, wrench, place, wall)
+        state = body.body(layout, params, character, state, course, wrench, place, wall)
     stepped, placed = GAITS[layout.gait]
     with jax.named_scope("gait"):
         climb = (state.position[1] - before[1]) / layout.dt

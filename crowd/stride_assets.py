@@ -30,7 +30,7 @@ def motion_layout(herd: HerdScene) -> tuple[Motion, ...]:
 
 
 def chains(herd: HerdScene) -> tuple[tuple[int, ...], ...]:
-    """Joints of each leg that inverse kinematics bends, hip to ankle, all of one length: shorter ones repeat the hip."""
+    """Joints of each leg that inverse kinematics bends, from hip to ankle, all of one length."""
     return tuple((leg.hip, leg.knee, leg.ankle) for leg in herd.archetype.legs)
 
 
@@ -113,13 +113,13 @@ def stride_control(herd: HerdScene) -> StrideControl:
     )
 
 
-def initial_strides(scene: Scene, herd: HerdScene, desired: np.ndarray) -> dict[str, np.ndarray]:
+def initial_strides(scene: Scene, herd: HerdScene, yaw: np.ndarray, desired: np.ndarray) -> dict[str, np.ndarray]:
     """Fields of `Strides`, not yet in tiles: mid-stride at the velocity asked for, or standing with parked legs."""
     count, legs = herd.count, len(herd.archetype.legs)
     speed = np.hypot(*desired)
     moving = speed > 1e-3
     own = motion_layout(herd)
-    sin, cos = np.sin(herd.headings), np.cos(herd.headings)
+    sin, cos = np.sin(yaw), np.cos(yaw)
     local = np.stack([desired[0] * cos - desired[1] * sin, desired[0] * sin + desired[1] * cos]) / herd.scale
     nearest = _nearest(herd, local)
     blend = (np.arange(len(own))[:, None] == nearest).astype(float)
@@ -140,20 +140,20 @@ def initial_strides(scene: Scene, herd: HerdScene, desired: np.ndarray) -> dict[
     distance = np.array([np.linalg.norm(m.velocity) * m.duration for m in motion]) * herd.scale
     cycle = np.minimum(distance / np.maximum(speed, 1e-9), herd.model.locomotion.max_step_s)
     time = np.where(walking, designated, 0.0)
-    behind = _print(scene, herd, stance, foot, -desired[:, None] * cycle * time)
-    ahead = _print(scene, herd, stance, foot, desired[:, None] * cycle * np.where(walking, 1.0 - time, 0.0))
-    yaw = np.tile(herd.headings, (legs, 1))
+    behind = _print(scene, herd, yaw, stance, foot, -desired[:, None] * cycle * time)
+    ahead = _print(scene, herd, yaw, stance, foot, desired[:, None] * cycle * np.where(walking, 1.0 - time, 0.0))
+    foot_yaw = np.tile(yaw, (legs, 1))
     zero, velocity = np.zeros(count), np.stack([desired[0], 0 * speed, desired[1]])
     up = np.stack([zero, zero + 1.0, zero])
     return dict(
-        before=velocity, velocity=velocity, acceleration=np.zeros((3, count)), turn=zero, facing=herd.headings,
+        before=velocity, velocity=velocity, acceleration=np.zeros((3, count)), turn=zero, facing=yaw,
         facing_rate=zero,
         blend=blend, channel=channel, channel_goal=np.full(count, herd.style, np.int32), channel_rate=zero + 1e3,
         channel_until=np.full(count, np.inf), channel_return=np.full(count, herd.style, np.int32), extra_time=zero,
         designated=designated, time=time, parked=np.tile(~walking, (legs, 1)),
         phase=_foot_phase(motion, time), steps=np.zeros((legs, count), np.int32),
-        from_position=behind[0], from_yaw=yaw, from_normal=behind[1], from_foot=foot[::2],
-        to_position=ahead[0], to_yaw=yaw, to_normal=ahead[1], to_foot=foot[::2], goal=ahead[0],
+        from_position=behind[0], from_yaw=foot_yaw, from_normal=behind[1], from_foot=foot[::2],
+        to_position=ahead[0], to_yaw=foot_yaw, to_normal=ahead[1], to_foot=foot[::2], goal=ahead[0],
         ground_up=up, leaning=np.zeros((2, count)),
     )  # fmt: skip
 
@@ -167,10 +167,10 @@ def _nearest(herd: HerdScene, local: np.ndarray) -> np.ndarray:
 
 
 def _print(
-    scene: Scene, herd: HerdScene, stance: np.ndarray, foot: np.ndarray, way: np.ndarray
+    scene: Scene, herd: HerdScene, yaw: np.ndarray, stance: np.ndarray, foot: np.ndarray, way: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Heel ends [3, L, n] on the ground and normals, of feet at their stance places moved by `way` [2, L, n]."""
-    sin, cos = np.sin(herd.headings), np.cos(herd.headings)
+    sin, cos = np.sin(yaw), np.cos(yaw)
 
     def turned(v: np.ndarray) -> np.ndarray:
         return np.stack([v[0] * cos + v[2] * sin, v[2] * cos - v[0] * sin])

@@ -1,4 +1,4 @@
-"""The footbase in flight: from one footprint to the next along the clip's own curve, over the ground and not through it.
+"""The footbase in flight: from one footprint to the next along the clip's own curve, over the ground.
 
 The footbase is a plate under the foot, at right angles to the ground's normal and as long as the foot; it is the only
 thing the gait moves, the ankle follows from it. (Specification of the semi-procedural locomotion system, section 4.8,

@@ -15,7 +15,7 @@ STRAIGHT = 0.999  # of a leg's length: the most that hips may be away from the a
 
 
 def balance(rise: Float[Array, "*b"], length: Float[Array, "*#b"]) -> Float[Array, "*b"]:
-    """0 when only the heel touches, 1 when only the toe does (2.1). rise: heel above toe along the plate's normal, m."""
+    """0 when only the heel touches, 1 when only the toe does (2.1). rise: heel over toe along the normal, m."""
     return arctan(20.0 * rise / length) * (1.0 / jnp.pi) + 0.5
 
 

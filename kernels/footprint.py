@@ -91,7 +91,7 @@ def smoothed(
     designated: Float[Array, "*b"],
     dt: float,
 ) -> tuple[Float[Array, "3 *b"], Float[Array, "3 *b"], Bool[Array, "*b"]]:
-    """Footprint position, its goal, and whether the goal is the prediction, after the frame (4.5); only meant while time < strike.
+    """Footprint position, its goal, and whether that is the prediction, after the frame (4.5), while time < strike.
 
     A new step takes the prediction as it is. Later the goal follows it as long as the foot could still get there at the
     seek speed (m/s), and the print closes the gap in the time that is left. flight: share of the flight done.

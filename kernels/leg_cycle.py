@@ -2,7 +2,7 @@
 
 A leg's cycle runs from stance to stance. Its *designated* time is what the common clock says; its *cycle time* is what
 the leg does, which lags while it catches up after resting. Key times are in cycle time: lift <= liftoff <= postlift,
-preland <= strike <= land. (Specification of the semi-procedural locomotion system, sections 3.5 to 3.7, 4.3, 4.6, 4.15.)
+preland <= strike <= land. (Semi-procedural locomotion system, sections 3.5 to 3.7, 4.3, 4.6, 4.15.)
 """
 
 from __future__ import annotations
@@ -113,8 +113,8 @@ def parking(
 ) -> tuple[Bool[Array, "legs *b"], Float[Array, "legs *b"]]:
     """Which legs rest, and their own time (4.6). distance m and turn rad: of the step that would be taken.
 
-    A leg rests when its new step is too small to be worth it, and sets out (and catches up) as soon as the step it would
-    take has grown, unless the cycle is too far gone.
+    A leg rests when its new step is too small to be worth it. It sets out, and catches up, as soon as the step that it
+    would take has grown, unless the cycle is too far gone.
     """
     worth = (distance > least_distance) | (turn > least_turn)
     parked = jnp.where(cycle.begins, ~worth, was_parked & ~(worth & (cycle.designated < UNPARK_UNTIL)))
@@ -122,7 +122,7 @@ def parking(
 
 
 def foot_phase(phase: Int[Array, "legs *b"], time: Float[Array, "legs *b"], keys: KeyTimes) -> Int[Array, "legs *b"]:
-    """The foot's phase after a frame (4.15): one transition a frame, in the order stance, lift, flight, land, stance."""
+    """The foot's phase after a frame (4.15): one transition a frame, in this order."""
     lifts = (time >= keys.lift) & (time < keys.land)
     flies = (time >= keys.liftoff) | (time < keys.lift)
     strikes = (time >= keys.strike) | (time < keys.liftoff)

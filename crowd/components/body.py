@@ -9,7 +9,6 @@ from jax import Array
 
 from crowd.components.forces import Wrench
 from crowd.components.sense import Surroundings
-from crowd.components.steer import heading_velocity
 from crowd.layout import Layout
 from crowd.params import Character, Params
 from crowd.state import FAULT_BODY, State
@@ -18,26 +17,35 @@ from kernels.wall import Wall
 
 
 def body(
-    layout: Layout, params: Params, character: Character, state: State, wrench: Wrench, place: Surroundings, wall: Wall
+    layout: Layout,
+    params: Params,
+    character: Character,
+    state: State,
+    course: Array,
+    wrench: Wrench,
+    place: Surroundings,
+    wall: Wall,
 ) -> State:
     """Position, velocity, yaw and pitch after the frame. Gains differ along and across the heading.
 
+    course: [2, n] m/s, world (x, z), the velocity to follow: see `steer`.
+
     A character whose body would stop being finite keeps its last valid state, and its fault bit.
     """
-    moved = wall(lambda c, s, w: _moved(layout.dt, c, s, w), character, state, wrench)
+    moved = wall(lambda c, s, v, w: _moved(layout.dt, c, s, v, w), character, state, course, wrench)
     turned = wall(lambda c, s, w: _turned(layout.dt, c, s, w), character, state, wrench)
     new = wall(lambda s, m, t, p: _entered(layout.dt, params, s, m, t, p), state, moved, turned, place)
     return dataclasses.replace(state, **wall(_kept, state, new))
 
 
-def _moved(dt: float, character: Character, state: State, wrench: Wrench) -> Array:
+def _moved(dt: float, character: Character, state: State, course: Array, wrench: Wrench) -> Array:
     """[4, n]: velocity (x, z) after the frame and the way (x, z) meanwhile, from the controllers along both axes."""
     sin, cos = jnp.sin(state.heading), jnp.cos(state.heading)
 
     def to_heading(v: Array) -> tuple[Array, Array]:
         return v[0] * sin + v[1] * cos, v[0] * cos - v[1] * sin
 
-    velocity, desired = to_heading(state.velocity), to_heading(heading_velocity(state))
+    velocity, desired = to_heading(state.velocity), to_heading(course)
     force = to_heading(wrench.force)
     mass, damping, slope = character.mass, character.damping, wrench.force_slope
     (ahead, way_ahead), (left, way_left) = (

@@ -11,7 +11,7 @@ from crowd.assets import StrideAssets, World
 from crowd.components import sense
 from crowd.components.motions import Blend
 from crowd.layout import Layout
-from crowd.params import Character, Params, StrideControl
+from crowd.params import Character, StrideControl
 from crowd.state import State, Strides
 from kernels import controllers, footprint, leg_cycle
 from kernels.footprint import Footprint, Hit, about
@@ -26,7 +26,6 @@ def footprints(
     layout: Layout,
     assets: StrideAssets,
     world: World,
-    params: Params,
     control: StrideControl,
     character: Character,
     state: State,
@@ -46,7 +45,7 @@ def footprints(
         return sense.height(layout, world, (points + at[:, None])[::2], (points + at[:, None])[1]) - at[1]
 
     heel, yaw = wall(
-        lambda s, b, c, cycle_s: _predicted(layout, params.control.turn_rate, control, s, b, c, cycle_s),
+        lambda *now: _predicted(layout, character.turn_rate, control, *now),
         state,
         blend,
         cycle,

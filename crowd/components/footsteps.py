@@ -85,7 +85,7 @@ def gait(
     climb: Array,
     wall: Wall,
 ) -> tuple[State, Mix, Poses]:
-    """Clock, idle weight, and every leg's swing, target and handle after the frame; the blend of clips and its poses."""
+    """Clock, idle weight, every leg's swing, target and handle after the frame; the blend of clips and its poses."""
     del world, climb
     dt, control, herd = layout.dt, params.control, layout.herds[which]
     state = _with(state, **wall(lambda s: _followed(dt, control, s), state))
@@ -135,9 +135,9 @@ def _poses(herd: HerdLayout, state: State, blend: Mix) -> Poses:
 
 
 def _followed(dt: float, control: Control, state: State) -> dict[str, Array]:
-    """The low-passed velocity, which steps follow, and the low-passed desired speed, which picks the gait."""
+    """The low-passed velocity, which steps follow, and the low-passed commanded speed, which picks the gait."""
     steps = state.gait
-    desired = jnp.sqrt(state.desired[0] ** 2 + state.desired[1] ** 2 + TINY)
+    desired = jnp.sqrt(state.command[0] ** 2 + state.command[1] ** 2 + TINY)
     share = controllers.low_pass(dt, control.filter_time)
     return dict(
         smoothed=steps.smoothed + (state.velocity - steps.smoothed) * share,
@@ -155,7 +155,7 @@ def _pace(
     left = state.gait.smoothed[0] * cos - state.gait.smoothed[1] * sin
     ahead, left = stepping.step_velocity(ahead, left, control.side_ratio * blend.speed)
     pace = jnp.sqrt(ahead**2 + left**2 + TINY)
-    desired = jnp.sqrt(state.desired[0] ** 2 + state.desired[1] ** 2 + TINY)
+    desired = jnp.sqrt(state.command[0] ** 2 + state.command[1] ** 2 + TINY)
     speed = jnp.sqrt(state.gait.smoothed[0] ** 2 + state.gait.smoothed[1] ** 2 + TINY)
     walking = (speed > control.stand_ratio * blend.speed) & (state.fault == 0)
     cadence = stepping.cadence(layout.schedule, pace / blend.speed, desired / blend.speed) / blend.period

@@ -1,4 +1,4 @@
-"""Motions: how much each analysed motion and each other clip plays, and what their blend says of the legs (3.4, 3.5)."""
+"""Motions: how much each analysed motion and each other clip plays, and what that says of the legs (3.4, 3.5)."""
 
 from __future__ import annotations
 

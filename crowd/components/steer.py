@@ -1,4 +1,4 @@
-"""Steer: the velocity and heading asked for, from constant velocities, way-points and events."""
+"""Steer: the velocity and heading asked for, and the command that follows them within limits per second."""
 
 from __future__ import annotations
 
@@ -8,76 +8,109 @@ import jax.numpy as jnp
 from jax import Array
 
 from crowd.assets import HerdAssets
+from crowd.components import guide
 from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, Events, Params
 from crowd.state import State
-from kernels import controllers
+from kernels import controllers, steering
+from kernels.wall import Wall
 
-ARRIVAL = 0.3  # m: a way-point counts as reached
+STANDS = 1e-4  # m2/s2: a squared speed too low to have a direction
 
 
 def steer(
+    layout: Layout,
+    herd: HerdLayout,
+    assets: HerdAssets,
+    params: Params,
+    character: Character,
+    state: State,
+    wall: Wall,
+) -> tuple[State, Array]:
+    """The state with what this frame asks for and commands, and the course [2, n]: the velocity the body follows.
+
+    The course is the command's mean over the frame, turned to the heading where that follows the way one walks.
+    """
+    asked = wall(lambda c, s: _asked(layout, herd, assets, params, c, s), character, state)
+    state = dataclasses.replace(state, **asked)
+    command, mean = wall(lambda c, s: _commanded(layout.dt, herd, c, s), character, state)
+    state = dataclasses.replace(state, command=command)
+    turned, course = wall(lambda c, s, m: _turned(layout.dt, herd, assets, c, s, m), character, state, mean)
+    return dataclasses.replace(state, **turned), course
+
+
+def _asked(
     layout: Layout, herd: HerdLayout, assets: HerdAssets, params: Params, character: Character, state: State
 ) -> dict[str, Array]:
-    """`desired`, `waypoint`, `facing`, `heading` and `follows` of this frame: fields of the state."""
+    """Events first; what still has a way to go is guided along it."""
     if layout.turns:
-        state = _turned(params.events, character, state)
+        state = _events(params.events, herd, character, state)
     if herd.waypoints:
-        state = _towards_waypoint(herd, assets, character, state)
-    speed2 = state.desired[0] ** 2 + state.desired[1] ** 2
-    asked = jnp.where(speed2 > 1e-4, jnp.arctan2(state.desired[0], jnp.where(speed2 > 1e-4, state.desired[1], 1.0)), 0)
-    facing = jnp.where(state.follows & (speed2 > 1e-4), asked, state.facing)
-    error = controllers.wrap(facing - state.heading)
-    most = params.control.turn_rate * layout.dt
-    heading = state.heading + jnp.clip(error, -most, most)
-    return dict(desired=state.desired, waypoint=state.waypoint, follows=state.follows, facing=facing, heading=heading)
+        state = guide.towards_waypoint(herd, assets, character, state)
+    if herd.path:
+        state = guide.along_path(layout.dt, herd, assets, character, state)
+    if herd.track:
+        state = guide.on_track(layout.dt, assets, character, state)
+    names = ("desired", "waypoint", "along", "follows", "looks", "facing")
+    return {name: getattr(state, name) for name in names}
 
 
-def heading_velocity(state: State) -> Array:
-    """Desired velocity [2, n] for the body: along the heading while still turning towards it."""
-    error = state.facing - state.heading
+def _commanded(dt: float, herd: HerdLayout, character: Character, state: State) -> tuple[Array, Array]:
+    """[2, n] m/s: the command at the end of the frame, and its mean over it."""
+    if not herd.limits:
+        return state.desired, state.desired
+    return steering.approach(state.command, state.desired, character.acceleration, character.deceleration, dt)
+
+
+def _turned(
+    dt: float, herd: HerdLayout, assets: HerdAssets, character: Character, state: State, mean: Array
+) -> tuple[dict[str, Array], Array]:
+    """Facing and heading after the frame, and the course."""
+    x, z = state.command
+    moves = x * x + z * z > STANDS
+    way = jnp.where(moves, jnp.arctan2(x, jnp.where(moves, z, 1.0)), 0.0)
+    facing = jnp.where(state.follows & moves, way, state.facing)
+    if herd.faces == "point":
+        facing = jnp.where(state.looks, _towards(assets.look_at[:, None], state), facing)
+    most = character.turn_rate * dt
+    heading = state.heading + jnp.clip(controllers.wrap(facing - state.heading), -most, most)
+    return dict(facing=facing, heading=heading), _course(state.follows, facing - heading, mean)
+
+
+def _towards(point: Array, state: State) -> Array:
+    """[n] rad, direction of a point; on the point itself the facing stays."""
+    x, z = point[0] - state.position[0], point[1] - state.position[2]
+    off = x * x + z * z > 1e-6
+    return jnp.where(off, jnp.arctan2(jnp.where(off, x, 0.0), jnp.where(off, z, 1.0)), state.facing)
+
+
+def _course(follows: Array, error: Array, mean: Array) -> Array:
+    """[2, n] m/s: along the heading while still turning towards the command, slower the more there is to turn."""
     cos, sin = jnp.cos(error), jnp.sin(error)
-    x, z = state.desired
-    # turned back by the error so that the character walks the way it faces, slower the more it has to turn
-    slow = jnp.clip(cos, 0.2, 1.0)
-    turned = jnp.stack([x * cos - z * sin, z * cos + x * sin]) * slow
-    return jnp.where(state.follows, turned, state.desired)
+    x, z = mean
+    turned = jnp.stack([x * cos - z * sin, z * cos + x * sin]) * jnp.clip(cos, 0.2, 1.0)
+    return jnp.where(follows, turned, mean)
 
 
-def _turned(events: Events, character: Character, state: State) -> State:
-    """Velocity events of this frame; they end a walk along way-points and make the heading follow."""
+def _events(events: Events, herd: HerdLayout, character: Character, state: State) -> State:
+    """Velocity events of this frame; they end a walk along way-points, a path or a trajectory.
+
+    Characters face where the event says; without, the herd's `facing` holds again.
+    """
     sin, cos = jnp.sin(state.heading), jnp.cos(state.heading)
-    desired, waypoint, follows = state.desired, state.waypoint, state.follows
+    desired, waypoint, follows, looks, facing = (
+        getattr(state, name) for name in ("desired", "waypoint", "follows", "looks", "facing")
+    )
     for event in range(events.turn_frame.shape[0]):
         now = (events.turn_frame[event] == state.frame) & (character.turn[event] > 0)
+        own = events.turn_local[event] > 0
         x, z = events.turn[event, 0], events.turn[event, 1]
         local = jnp.stack([x * cos + z * sin, z * cos - x * sin])
         world = jnp.stack([x + 0 * sin, z + 0 * sin])
-        value = jnp.where(events.turn_local[event] > 0, local, world) * character.speed
-        desired = jnp.where(now, value, desired)
+        desired = jnp.where(now, jnp.where(own, local, world) * character.speed, desired)
         waypoint = jnp.where(now, -1, waypoint)
-        follows = follows | now
-    return dataclasses.replace(state, desired=desired, waypoint=waypoint, follows=follows)
-
-
-def _towards_waypoint(herd: HerdLayout, assets: HerdAssets, character: Character, state: State) -> State:
-    """Desired velocity towards the next way-point; the one after it once that is near; stand at the last."""
-    active = state.waypoint >= 0
-    index = jnp.clip(state.waypoint, 0, herd.waypoints - 1)
-    goal = assets.waypoints[:, index, 0] + character.offset
-    way = goal - state.position[jnp.array([0, 2])]
-    distance = jnp.sqrt(way[0] ** 2 + way[1] ** 2 + 1e-12)
-    near = active & (distance < ARRIVAL)
-    following = index + 1
-    if herd.loop:
-        following = jnp.where(following >= herd.waypoints, 0, following)
-        last = jnp.zeros_like(near)
-    else:
-        last = following >= herd.waypoints
-    speed = character.way_speed * jnp.where(last, jnp.clip(distance, 0.0, 1.0), 1.0)
-    desired = jnp.where(near & last, 0.0, way / distance * speed)
-    return dataclasses.replace(
-        state,
-        desired=jnp.where(active, desired, state.desired),
-        waypoint=jnp.where(near & ~last, following, state.waypoint),
-    )
+        faces = events.turn_faces[event] > 0
+        facing = jnp.where(now & faces, events.turn_facing[event] + jnp.where(own, state.heading, 0.0), facing)
+        follows = jnp.where(now, ~faces & (herd.faces in ("along", "track")), follows)
+        looks = jnp.where(now, ~faces & (herd.faces == "point"), looks)
+    return dataclasses.replace(state, desired=desired, waypoint=waypoint, follows=follows, looks=looks, facing=facing)

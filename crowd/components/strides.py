@@ -77,7 +77,7 @@ def gait(
         state,
         blend,
     )
-    state = footing.footprints(layout, own, world, params, control, character, state, blend, cycle, cycle_s, wall)
+    state = footing.footprints(layout, own, world, control, character, state, blend, cycle, cycle_s, wall)
     stride = _stride(herd, own, control, dt, character, state, blend, cycle_s, wall)
     leaning, ground_up, base, up, shares = stride
     state = _with(state, leaning=leaning, ground_up=ground_up)
@@ -93,7 +93,7 @@ def _with(state: State, **changes: Array) -> State:
 
 
 def _tracked(dt: float, state: State, climb: Array) -> dict[str, Array]:
-    """Velocity, acceleration and yaw rate, low-passed (4.1). The velocity is the body's own, not a difference of places.
+    """Velocity, acceleration and yaw rate, low-passed (4.1). The velocity is the body's own.
 
     The first frame has no acceleration.
     """
