@@ -20,6 +20,7 @@ class Case:
     herds: tuple[tuple[str, int], ...]  # (built-in archetype, characters)
     mesh: Literal["rigid", "skinned"] = "rigid"
     water: bool = True
+    gait: Literal["semi_procedural", "footsteps", "clip"] = "footsteps"
     devices: int = 1
 
     @property
@@ -40,6 +41,10 @@ CASES = (
     Case("hexapod-rigid-2048", (("hexapod", 2048),)),
     Case("human-dog-rigid-2048", (("human", 1024), ("dog", 1024))),
     Case("human-dog-hexapod-rigid-2048", (("human", 768), ("dog", 640), ("hexapod", 640))),
+    Case("human-strides-2048", (("human", 2048),), water=False, gait="semi_procedural"),
+    Case("human-clip-2048", (("human", 2048),), water=False, gait="clip"),
+    Case("dog-strides-2048", (("dog", 2048),), water=False, gait="semi_procedural"),
+    Case("dog-clip-2048", (("dog", 2048),), water=False, gait="clip"),
     Case("human-rigid-2048-2dev", (("human", 2048),), devices=2),
     Case("human-skinned-2048-2dev", (("human", 2048),), mesh="skinned", devices=2),
 )
@@ -50,6 +55,10 @@ QUICK = (
     "human-skinned-2048",
     "dog-rigid-2048",
     "human-dog-rigid-2048",
+    "human-strides-2048",
+    "human-clip-2048",
+    "dog-strides-2048",
+    "dog-clip-2048",
     "human-rigid-2048-2dev",
 )
 
@@ -63,6 +72,7 @@ def scenario(case: Case) -> dict[str, Any]:
         "duration_s": 10.0,
         "rate_hz": RATE,
         "drag": {"mesh": case.mesh},
+        "gait": case.gait,
         "world": {"ground": {"kind": "flat", "height_m": 0.0}, "fluids": fluids},
         "herds": [
             {

@@ -59,6 +59,9 @@ def figures(lines: Iterable[Line]) -> list[Figure]:
     found.append(Figure("warm start of `crowd run` to its first frames", "s", start.get("warm_s"), "<=", 5.0))
     for name in ("human-dog-rigid-2048", "human-dog-hexapod-rigid-2048"):
         found.append(Figure(f"{name} against its herds alone", "x", _mixed(us, name), "<=", 1.2))
+    for name, legs, limit in (("human", "two", 1.2), ("dog", "four", 2.0)):
+        added = _less(us(f"{name}-strides-2048"), us(f"{name}-clip-2048"))
+        found.append(Figure(f"semi-procedural gait on {legs} legs, over the plain clip", "µs", added, "<=", limit))
     for few, many in (("human-rigid-64", "human-rigid-2048"), ("human-rigid-16384", "human-rigid-2048")):
         found.append(Figure(f"per character, {few} against {many}", "x", _ratio(us(few), us(many))))
     return found
@@ -66,6 +69,10 @@ def figures(lines: Iterable[Line]) -> list[Figure]:
 
 def _ratio(above: float | None, below: float | None) -> float | None:
     return None if above is None or not below else above / below
+
+
+def _less(whole: float | None, part: float | None) -> float | None:
+    return None if whole is None or part is None else whole - part
 
 
 def _compile(case: dict[str, Line], name: str) -> float | None:

@@ -14,9 +14,13 @@ from crowd.layout import Motion
 from crowd.params import StrideControl
 from crowd.scenario_herd import Locomotion
 from crowd.scene import HerdScene, Scene
+from crowd.types import Archetype, Clip, Leg
 from kernels.body_tilt import Tilt
 
 FLIGHT_SAMPLES = 33
+BEND_SAMPLES = 16
+LEAST_BEND = np.radians(12.0)  # a joint that never bends further is a twist joint
+SHORT_BONE = 0.06  # of the leg
 PERSON_LEG = 0.80  # m: the lengths among the constants are a person's; other legs scale them
 TILTS = {1: (0.0, 0.0), 2: (0.0, 0.0), 3: (0.0, 1.0), 4: (0.0, 1.0)}  # hug across and along, by legs; (1, 1) for more
 
@@ -30,8 +34,39 @@ def motion_layout(herd: HerdScene) -> tuple[Motion, ...]:
 
 
 def chains(herd: HerdScene) -> tuple[tuple[int, ...], ...]:
-    """Joints of each leg that inverse kinematics bends, from hip to ankle, all of one length."""
-    return tuple((leg.hip, leg.knee, leg.ankle) for leg in herd.archetype.legs)
+    """Joints of each leg that inverse kinematics bends, from hip to ankle, all of one length: shorter repeat the hip.
+
+    Of joints between hip, knee and ankle those count that bend in some motion; twist joints ride on the bone above.
+    The footstep controller bends hip and knee alone.
+    """
+    legs = herd.archetype.legs
+    if not herd.motions:
+        return tuple((leg.hip, leg.knee, leg.ankle) for leg in legs)
+    poses = [motion.pose(BEND_SAMPLES) for motion in herd.motions]
+    rotation, translation = (np.concatenate(parts) for parts in zip(*poses, strict=True))
+    still = posing.clip_motion(Clip("", "other", 1.0, rotation, translation))
+    _, at = posing.world_transforms(herd.archetype.skeleton, still)
+    found = [_bending(herd.archetype, leg, at) for leg in legs]
+    longest = max(len(chain) for chain in found)
+    return tuple((chain[0],) * (longest - len(chain)) + chain for chain in found)
+
+
+def _bending(rig: Archetype, leg: Leg, at: np.ndarray) -> tuple[int, ...]:
+    """Hip, every joint below it that bends in the poses `at` [S, J, 3], and ankle; at least the knee."""
+    between = [leg.ankle]
+    while between[-1] != leg.hip and rig.skeleton.parents[between[-1]] >= 0:
+        between.append(rig.skeleton.parents[between[-1]])
+    path = between[::-1] if between[-1] == leg.hip else [leg.hip, leg.knee, leg.ankle]
+    whole = _reach(at[0], tuple(path))
+    kept = [path[0]]
+    for joint, below in itertools.pairwise(path[1:]):
+        above, under = at[:, joint] - at[:, kept[-1]], at[:, below] - at[:, joint]
+        short = min(np.linalg.norm(above[0]), np.linalg.norm(under[0])) < SHORT_BONE * whole
+        sine = np.linalg.norm(posing.cross(above, under), axis=-1)
+        bend = np.arctan2(sine, np.sum(above * under, -1))
+        if joint == leg.knee or (not short and bend.max() > LEAST_BEND):
+            kept.append(joint)
+    return (*kept, path[-1])
 
 
 def stride_assets(herd: HerdScene) -> StrideAssets:
@@ -96,7 +131,7 @@ def stride_control(herd: HerdScene) -> StrideControl:
 
     return StrideControl(
         most_foot_turn=_array(np.array(np.radians(given.max_foot_turn_deg))),
-        most_adjustment=chosen(given.max_adjustment_m, 0.5 * size),
+        most_adjustment=chosen(given.max_adjustment_m, 0.5 * max(size, 1.0)),
         least_step=chosen(given.min_step_m, 0.2 * size),
         longest_cycle=_array(np.array(given.max_step_s)),
         most_turn=_array(np.array(np.radians(given.max_step_turn_deg))),

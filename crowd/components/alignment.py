@@ -19,7 +19,7 @@ from crowd.components.strides import Stride
 from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, Params, StrideControl
 from crowd.state import State
-from kernels import foot_alignment, ik, quat
+from kernels import chain_ik, foot_alignment, ik, quat
 from kernels.foot_alignment import STRAIGHT
 from kernels.footprint import tilted
 from kernels.vec import TINY, dot, unit
@@ -83,18 +83,20 @@ def feet(
         pose = leg.points[:, -1] - leg.points[:, 0]
         return foot_alignment.hip_lift(leg.points[:, 0], target, up, jnp.sqrt(dot(pose, pose) + TINY), longest)
 
-    goal = wall(lambda leg, base, s: reachable(leg, target(leg, base, None), s), leg, base, stride)
-    raised = wall(lift, leg, goal, stride.up[1])
-    knee, ankle, _ = wall(lambda *now: _bent(assets, own, *now), state, leg, goal, raised, stride.up[1])
-    turn = wall(_foot_turn, leg, base, knee, ankle, stride.lifted)
-    goal = wall(lambda leg, base, turn, s: reachable(leg, target(leg, base, turn), s), leg, base, turn, stride)
-    raised = wall(lift, leg, goal, stride.up[1])
-    knee, ankle, missed = wall(lambda *now: _bent(assets, own, *now), state, leg, goal, raised, stride.up[1])
-    shift = wall(lambda up, raised: up * raised, stride.up[1], raised)
-    turns = wall(_turns, state, leg, base, knee, ankle, turn, shift)
-    segments = wall(_segments, picked, leg, turns, knee, ankle, shift)
-    shown = wall(lambda *now: _shown(length, *now), leg, base, ankle, turn)
-    ball, heel, toe = shown
+    def solved(leg: _Leg, base: _Base, turn: Array | None) -> tuple[Array, Array, Array]:
+        goal = wall(lambda leg, base, turn, s: reachable(leg, target(leg, base, turn), s), leg, base, turn, stride)
+        shift = wall(lambda leg, goal, up: up * lift(leg, goal, up), leg, goal, stride.up[1])
+        return *_bent(assets, state, leg, goal, shift, wall), shift
+
+    points, missed, shift = solved(leg, base, None)
+    turns = _turned(leg, points, shift, wall)
+    foot = wall(_foot_turn, base, turns, stride.lifted)
+    points, missed, shift = solved(leg, base, foot)
+    turns = _turned(leg, points, shift, wall)
+    turns, points = wall(_yawed, state, base, turns, points)
+    segments = wall(_segments, picked, leg, turns, foot, points)
+    ankle = points[:, -1]
+    ball, heel, toe = wall(lambda *now: _shown(length, *now), leg, base, ankle, foot)
     handle = wall(lambda base: base.position + 0.5 * base.plate, base)
     return Feet(segments, shift, ball, ankle, missed, handle, stride.planted, heel, toe)
 
@@ -163,59 +165,60 @@ def _reachable(leg: _Leg, target: Array, up: Array, longest: Array, softness: Ar
     )
 
 
-def _bent(
-    assets: HerdAssets, own: StrideAssets, state: State, leg: _Leg, target: Array, raised: Array, up: Array
-) -> tuple[Array, Array, Array]:
-    """Knees, ankles and what is missing, of two-bone legs whose hips moved by `raised` along `up`."""
+def _bent(assets: HerdAssets, state: State, leg: _Leg, target: Array, shift: Array, wall: Wall) -> tuple[Array, Array]:
+    """Joints [3, B + 1, L, n] of legs that reach their targets from hips moved by `shift`, and what is missing."""
+    if leg.points.shape[1] == 3:
+        return wall(lambda *now: _two_bones(assets, *now), state, leg, target, shift)
+    moved = wall(lambda points, shift: points + shift[:, None, None], leg.points, shift)
+    return chain_ik.chain(moved, target, wall=wall)
+
+
+def _two_bones(assets: HerdAssets, state: State, leg: _Leg, target: Array, shift: Array) -> tuple[Array, Array]:
     upper = leg.points[:, 1] - leg.points[:, 0]
     lower = leg.points[:, 2] - leg.points[:, 1]
     a, b = jnp.sqrt(dot(upper, upper) + TINY), jnp.sqrt(dot(lower, lower) + TINY)
     whole = upper + lower
     off = upper - dot(upper, whole) / (dot(whole, whole) + TINY) * whole
     usual = quat.rotate(quat.about_y(state.yaw)[:, None], assets.bend)
-    hip = leg.points[:, 0] + (up * raised)[:, None]
-    return ik.two_bone(hip, target, off + BEND_SHARE * (a + b) * usual, a, b)
+    hip = leg.points[:, 0] + shift[:, None]
+    knee, ankle, missed = ik.two_bone(hip, target, off + BEND_SHARE * (a + b) * usual, a, b)
+    return jnp.stack([hip, knee, ankle], 1), missed
 
 
-def _foot_turn(leg: _Leg, base: _Base, knee: Array, ankle: Array, lifted: Array) -> Array:
+def _turned(leg: _Leg, points: Array, shift: Array, wall: Wall) -> Array:
+    """[4, B, L, n] rotation of every bone from the clip's pose."""
+    if points.shape[1] > 3:
+        before = wall(lambda points, shift: points + shift[:, None, None], leg.points, shift)
+        return chain_ik.turns(before, points, wall)
+
+    def between(before: Array, after: Array) -> Array:
+        return quat.between(unit(before[:, 1:] - before[:, :-1]), unit(after[:, 1:] - after[:, :-1]))
+
+    return wall(between, leg.points, points)
+
+
+def _foot_turn(base: _Base, turns: Array, lifted: Array) -> Array:
     """[4, L, n] rotation that the foot makes from the clip's pose (4.13, first pass)."""
-    lower = leg.points[:, 2] - leg.points[:, 1]
-    bend = quat.between(unit(lower), unit(ankle - knee))
-    carried = quat.multiply(quat.about_y(base.turn), bend)
+    carried = quat.multiply(quat.about_y(base.turn), turns[:, -1])
     return foot_alignment.foot_orientation(carried, base.attitude, lifted)
 
 
-def _turns(
-    state: State, leg: _Leg, base: _Base, knee: Array, ankle: Array, foot: Array, shift: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Rotations [4, L, n] of both bones and the foot from the hung pose, and the knee after the leg's own yaw."""
-    hip = leg.points[:, 0] + shift[:, None]
+def _yawed(state: State, base: _Base, turns: Array, points: Array) -> tuple[Array, Array]:
+    """Bones and joints of legs that turn about their own axes by half of their feet's yaw (4.13, second pass)."""
     sin, cos = jnp.sin(state.yaw), jnp.cos(state.yaw)
-    ahead = jnp.stack([sin, jnp.zeros_like(sin), cos])[:, None]
-    turned = quat.rotate(quat.about_y(base.turn), jnp.broadcast_to(ahead, base.plate.shape))
-    twist = foot_alignment.leg_yaw(ankle - hip, jnp.broadcast_to(ahead, turned.shape), turned)
-    upper, lower = leg.points[:, 1] - leg.points[:, 0], leg.points[:, 2] - leg.points[:, 1]
-    bends = [
-        quat.multiply(twist, quat.between(unit(before), unit(after)))
-        for before, after in ((upper, knee - hip), (lower, ankle - knee))
-    ]
-    undo = leg.undo[:, None]
-    first, second, third = (quat.multiply(q, undo) for q in (*bends, foot))
-    return first, second, third, hip + quat.rotate(twist, knee - hip)
+    ahead = jnp.broadcast_to(jnp.stack([sin, jnp.zeros_like(sin), cos])[:, None], base.plate.shape)
+    foot = quat.rotate(quat.about_y(base.turn), ahead)
+    hip = points[:, :1]
+    twist = foot_alignment.leg_yaw(points[:, -1] - points[:, 0], ahead, foot)[:, None]
+    return quat.multiply(twist, turns), hip + quat.rotate(twist, points - hip)
 
 
-def _segments(
-    picked: _Picked, leg: _Leg, turns: tuple[Array, ...], knee: Array, ankle: Array, shift: Array
-) -> Segments:
-    del knee
-    first, second, third, knee = turns
-    before = picked.points
-    hip = leg.points[:, 0] + shift[:, None]
-    return Segments(
-        jnp.concatenate([first, second, third], 1),
-        jnp.concatenate([before[:, 0], before[:, 1], before[:, 2]], 1),
-        jnp.concatenate([hip, knee, ankle], 1),
-    )
+def _segments(picked: _Picked, leg: _Leg, turns: Array, foot: Array, points: Array) -> Segments:
+    """Every bone and the foot, from the pose as it hangs."""
+    whole = jnp.concatenate([turns, foot[:, None]], 1)
+    whole = quat.multiply(whole, leg.undo[:, None, None])
+    parts = (whole, picked.points, points)
+    return Segments(*(part.reshape(part.shape[0], -1, part.shape[-1]) for part in parts))
 
 
 def _shown(length: Array, leg: _Leg, base: _Base, ankle: Array, turn: Array) -> tuple[Array, Array, Array]:

@@ -23,7 +23,8 @@ def scenario(herds: Sequence[dict[str, Any]], surface: float | None = None, **mo
     world = {"ground": more.pop("ground", {"kind": "flat"}), "fluids": fluids}
     rate = more.get("rate_hz", 60)
     model = {"name": "test", "seed": 3, "duration_s": 60.0, "rate_hz": rate, "world": world, "herds": list(herds)}
-    return {"record": {"rate_hz": rate, "pose": False}, "drag": {"mesh": "rigid"}, **model, **more}
+    usual = {"record": {"rate_hz": rate, "pose": False}, "drag": {"mesh": "rigid"}, "gait": "footsteps"}
+    return {**usual, **model, **more}
 
 
 def run(model: dict[str, Any], seconds: float, devices: int = 1, chunk: int = 32) -> dict[str, dict[str, np.ndarray]]:
