@@ -76,7 +76,15 @@ def _from_the_side(axes: Axes, leg: LegAnalysis, ahead: np.ndarray) -> None:
     axes.axhline(0.0, color=QUIET, linewidth=0.9, zorder=0)
     axes.plot(*flat[2][leg.stance_index], "o", color=STANCE, markersize=8, label="stance", zorder=5)
     axes.margins(0.06, 0.12)
+    _at_least(axes, 0.5 * float(np.linalg.norm(leg.foot_vector)))
     axes.set_xlabel("ahead in m", color=INK, fontsize=9)
+
+
+def _at_least(axes: Axes, span: float) -> None:
+    """Widens the vertical range, so that the noise of feet that stand is not drawn as large as a step."""
+    low, high = axes.get_ylim()
+    more = max(0.0, 0.5 * (span - (high - low)))
+    axes.set_ylim(low - more, high + more)
 
 
 def _from_above(axes: Axes, leg: LegAnalysis, ahead: np.ndarray, left: np.ndarray) -> None:
@@ -94,10 +102,9 @@ def _from_above(axes: Axes, leg: LegAnalysis, ahead: np.ndarray, left: np.ndarra
         for (x, y), name in zip(marks, ("c", "P", "Q"), strict=True):
             axes.plot(x, y, "s", color=QUIET, markersize=4)
             axes.annotate(name, (x, y), (4, 4), textcoords="offset points", fontsize=9, color=INK)
-    low, high = axes.get_ylim()
-    span = max(high - low, 0.35 * np.ptp(axes.get_xlim()))  # sideways sway, not blown up to the size of a stride
-    axes.set_ylim(0.5 * (low + high) - 0.5 * span, 0.5 * (low + high) + 0.5 * span)
-    axes.set_xlabel("ahead in m; dashed: movement axis", color=INK, fontsize=9)
+    _at_least(axes, 0.35 * float(np.ptp(axes.get_xlim())))  # sideways sway, not blown up to the size of a stride
+    dashed = "; dashed: movement axis" if np.any(leg.axis) else ""
+    axes.set_xlabel(f"ahead in m{dashed}", color=INK, fontsize=9)
 
 
 def _curves(axes: Axes, motion: Motion, leg: int) -> None:
@@ -108,6 +115,7 @@ def _curves(axes: Axes, motion: Motion, leg: int) -> None:
     axes.plot(time, data.heel[order, 1], color=HEEL, linewidth=1.3)
     axes.plot(time, data.toe_tip[order, 1], color=TOE, linewidth=1.3)
     axes.set_xlim(0, 1)
+    _at_least(axes, 0.5 * float(np.linalg.norm(data.foot_vector)))
     if motion.kind == "grounded":
         return
     table = np.concatenate([motion.flight[:, leg], motion.flight[:1, leg] + np.array([0.0, 0.0, 1.0])])

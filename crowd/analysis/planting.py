@@ -24,6 +24,8 @@ DOWN = 0.1  # of the footbase's range of height: a planted footbase rises no mor
 SLIP = 0.35  # of the speed: a foot about to lift off moves with the ground this well
 BACK = 0.25  # of the speed: a foot that has landed moves back at least this fast
 INNER = (0.25, 0.75)  # of the stance: where the stance time is looked for
+STRAIGHT = 4.0  # degrees: sway of the feet turns a straight walk by as much; more is meant
+FLAT = np.array([1.0, 0.0, 1.0])
 VELOCITY = 2  # samples of FINE to either side
 
 
@@ -44,12 +46,22 @@ def find_stances(archetype: Archetype, clip: Clip, contact: np.ndarray, footbase
     ahead = np.array([direction[0], 0.0, direction[1]])
     velocity = (np.roll(footbase, -VELOCITY, 0) - np.roll(footbase, VELOCITY, 0)) * FINE / (2 * VELOCITY * period)
     start, duty = np.zeros(len(archetype.legs)), np.zeros(len(archetype.legs))
+    slide = np.zeros(3)
     for leg in range(len(archetype.legs)):
         first, length = longest_run(planted[:, leg])
-        early, late = _growth(footbase[:, leg, 1], velocity[:, leg] * [1, 0, 1], first, length, ahead * speed)
+        early, late = _growth(footbase[:, leg, 1], velocity[:, leg] * FLAT, first, length, ahead * speed)
         start[leg] = np.mod((first - early - 0.5) / FINE, 1.0)
         duty[leg] = min((length + early + late) / FINE, 0.95)
-    return Stances(start, duty, ahead, speed, tuple(notes))
+        slide += (footbase[(first + length - 1) % FINE, leg] - footbase[first, leg]) * FLAT
+    return Stances(start, duty, _direction(slide, ahead, speed), speed, tuple(notes))
+
+
+def _direction(slide: np.ndarray, ahead: np.ndarray, speed: float) -> np.ndarray:
+    """Unit direction against the feet's slide [3] in stance; `ahead`, the nearest axis, where that is as good."""
+    size = float(np.linalg.norm(slide))
+    if speed <= 0 or size == 0 or abs(slide @ ahead) > np.cos(np.radians(STRAIGHT)) * size:
+        return ahead
+    return -slide / size
 
 
 def _growth(height: np.ndarray, velocity: np.ndarray, first: int, length: int, travel: np.ndarray) -> tuple[int, int]:

@@ -34,7 +34,7 @@ class LegAnalysis:
     middle: np.ndarray  # [51, 3] half-way between heel and toe tip
     balance: np.ndarray  # [51] 0: heel nearer to the ground, 1: toe nearer
     footbase: np.ndarray  # [51, 3] heel end of the footbase plate
-    normalised_footbase: np.ndarray  # [50, 3] row j: leg-cycle time j/50; x, y in metres, z 0..1 of a stride
+    normalised_footbase: np.ndarray  # [50, 3] row j: leg-cycle time j/50, sample stance_index + j; z: 0..1 of a stride
     y_range: float  # the larger of the heel's and the toe tip's range of height
     centre: np.ndarray  # [3] mean of the middles, y = 0 (2.2: c)
     farthest: np.ndarray  # [3] middle farthest from the centre, y = 0 (2.2: P)
@@ -64,6 +64,11 @@ class LegAnalysis:
     def keytimes(self) -> np.ndarray:
         """[6] lift, liftoff, postlift, preland, strike, land."""
         return np.array([self.lift, self.liftoff, self.postlift, self.preland, self.strike, self.land])
+
+    @property
+    def normalised_by_sample(self) -> np.ndarray:
+        """[51, 3] the normalised footbase in clip time, as the original stores it with its samples."""
+        return self.normalised_footbase[(np.arange(SAMPLES + 1) - self.stance_index) % SAMPLES]
 
 
 @dataclass(frozen=True, eq=False)

@@ -69,6 +69,7 @@ def test_normalised_path_starts_at_zero_and_ends_near_one() -> None:
     fixed = analysed(rolling_walk(31), rolling_walk(32), fix_foot_skating=True)
     for leg, still in zip(found.legs, fixed.legs, strict=True):
         assert leg.normalised_footbase[0, [0, 2]] == pytest.approx([0, 0], abs=1e-12)
+        assert leg.normalised_by_sample[:, 1] == pytest.approx(leg.footbase[:, 1] - GROUND)
         times = np.arange(N) / N
         assert np.all(still.normalised_footbase[times <= still.liftoff, 2] == 0.0)
         assert np.all(still.normalised_footbase[times >= still.strike, 2] == 1.0)
