@@ -28,6 +28,11 @@ def more(text: str) -> tuple[str, str]:
     return "speed_m_s: 1.3\n", "speed_m_s: 1.3\n" + text
 
 
+def ground(text: str) -> tuple[str, str]:
+    """The world's ground as a line 9."""
+    return more(f"world: {{ground: {text}}}\n")
+
+
 FLUIDS = "world:\n  fluids:\n"
 BOMB = "a: &a [x,x,x,x,x,x,x,x,x,x]\n" + "".join(
     f"{chr(98 + k)}: &{chr(98 + k)} [{','.join(['*' + chr(97 + k)] * 10)}]\n" for k in range(8)
@@ -241,6 +246,89 @@ TABLE = [
         *more("world: {ground: {kind: heightmap, file: x.npy}}\n"),
         ("'cell_m' is needed",),
     ),
+    # ground
+    Bad("unknown ground", *ground("{kind: stair, count: 3}"), (":9 world.ground.kind: 'stair'", "mean 'stairs'?")),
+    Bad("stairs without count", *ground("{kind: stairs}"), ("world.ground.count: missing",)),
+    Bad("stairs of no step", *ground("{kind: stairs, count: 0}"), ("ground.count: 0: must be greater",)),
+    Bad("tread too short", *ground("{kind: stairs, count: 3, tread_m: 0}"), ("ground.tread_m: 0: must be greater",)),
+    Bad("landing backwards", *ground("{kind: stairs, count: 3, landing_m: -1}"), ("ground.landing_m: -1",)),
+    Bad(
+        "stretch too steep",
+        *ground("{kind: slopes, stretches: [{length_m: 1, angle_deg: 3}, {length_m: 1, angle_deg: 70}]}"),
+        (":9 world.ground.stretches[1].angle_deg: 70: must be less than or equal to 60",),
+    ),
+    Bad(
+        "stretch of no length",
+        *ground("{kind: slopes, stretches: [{length_m: 0, angle_deg: 3}]}"),
+        ("ground.stretches[0].length_m: 0: must be greater than 0",),
+    ),
+    Bad("no stretches", *ground("{kind: slopes, stretches: []}"), ("ground.stretches: []: must have at least 1 item",)),
+    Bad("no waves", *ground("{kind: sines, waves: []}"), ("ground.waves: []: must have at least 1 item",)),
+    Bad(
+        "wave of no length",
+        *ground("{kind: sines, waves: [{amplitude_m: 1, wavelength_m: 0}]}"),
+        ("ground.waves[0].wavelength_m: 0: must be greater",),
+    ),
+    Bad(
+        "wave with a wrong key",
+        *ground("{kind: sines, waves: [{amplitude: 1, wavelength_m: 3}]}"),
+        ("ground.waves[0].amplitude: unknown key", "mean 'amplitude_m'?"),
+    ),
+    Bad(
+        "too much rubble",
+        *ground("{kind: rubble, extent_m: [10000, 10000]}"),
+        ("ground.extent_m: 625,000,000 cells of 0.4 m; at most 16,000,000",),
+    ),
+    Bad("no layers", *ground("{kind: layers, layers: []}"), ("ground.layers: []: must have at least 1 item",)),
+    Bad(
+        "layers with holes",
+        *ground("{kind: layers, layers: [{kind: flat, area_m: {x: [0, 1], z: [0, 1]}}]}"),
+        (":9 world.ground.layers: every layer has an area_m", "ground everywhere"),
+    ),
+    Bad(
+        "layers in layers",
+        *ground("{kind: layers, layers: [{kind: layers, layers: [{kind: flat}]}]}"),
+        ("ground.layers[0].kind: 'layers': must be one of flat",),
+    ),
+    Bad(
+        "layer inside out",
+        *ground("{kind: layers, layers: [{kind: flat}, {kind: flat, area_m: {x: [2, 1], z: [0, 1]}}]}"),
+        ("ground.layers[1].area_m.x: [2.0, 1.0]: the first must be below the second",),
+    ),
+    Bad(
+        "area without layers",
+        *ground("{kind: flat, area_m: {x: [0, 1], z: [0, 1]}}"),
+        ("ground.area_m: a rectangle is for a layer",),
+    ),
+    Bad("missing mesh", *ground("{kind: mesh, file: gone.obj}"), (":9 world.ground.file: 'gone.obj': no such file",)),
+    Bad("mesh of words", *ground("{kind: mesh, file: a.docx}"), ("'a.docx': must be a .obj, .ply",)),
+    Bad(
+        "missing mesh in a layer",
+        *ground("{kind: layers, layers: [{kind: flat}, {kind: mesh, file: gone.obj}]}"),
+        ("world.ground.layers[1].file: 'gone.obj': no such file",),
+    ),
+    Bad(
+        "package that is not there",
+        *ground("{kind: heightmap, file: 'package:nothing_here/a.npy', cell_m: 1}"),
+        ("ground.file: 'package:nothing_here/a.npy': no package 'nothing_here' is installed",),
+    ),
+    Bad(
+        "package without the file",
+        *ground("{kind: heightmap, file: 'package:matplotlib/a.npy', cell_m: 1}"),
+        ("package 'matplotlib' has no file 'a.npy'",),
+    ),
+    Bad(
+        "way out of a package",
+        *ground("{kind: heightmap, file: 'package:matplotlib/../numpy/a.npy', cell_m: 1}"),
+        ("leads out of the package",),
+    ),
+    Bad(
+        "three cells",
+        *ground("{kind: heightmap, file: x.npy, cell_m: [1, 2, 3]}"),
+        ("world.ground.cell_m",),
+    ),
+    Bad("slope limit of a wall", *more("world: {max_slope_deg: 90}\n"), (":9 world.max_slope_deg: 90: must be less",)),
+    Bad("no step height", *more("world: {max_step_height_m: 0}\n"), ("max_step_height_m: 0: must be greater",)),
     Bad(
         "name no file can have",
         "archetype: human",

@@ -46,6 +46,84 @@ def test_ramp_and_steps() -> None:
     np.testing.assert_allclose(at(steps, (0, 0.99), (0, 1.01), (0, 1.31), (0, 1.61), (0, 50)), [0, 0.2, 0.4, 0.6, 0.6])
 
 
+STAIRS = {"kind": "stairs", "count": 3, "rise_m": 0.2, "tread_m": 0.3, "start_m": 1.0}
+
+
+def test_stairs_go_up_and_down() -> None:
+    """Risers at 1.0, 1.3 and 1.6, a landing of 2 m, and the way down from 3.6."""
+    walk = ground(**STAIRS, landing_m=2.0, height_m=1.0)
+    points = [(0, z) for z in (0.99, 1.01, 1.31, 1.61, 3.59, 3.61, 3.91, 4.21, 50)]
+    np.testing.assert_allclose(at(walk, *points), [1, 1.2, 1.4, 1.6, 1.6, 1.4, 1.2, 1, 1])
+    np.testing.assert_allclose(at(ground(**STAIRS), (0, 0), (0, 99)), [0, 0.6])
+
+
+@pytest.mark.parametrize(("toward", "axis"), [(0, (0, 1)), (90, (1, 0)), (180, (0, -1)), (-90, (-1, 0)), (450, (1, 0))])
+def test_stairs_toward_any_side(toward: float, axis: tuple[int, int]) -> None:
+    walk = ground(**STAIRS, toward_deg=toward)
+    steps = [(s * axis[0] + 7 * axis[1], s * axis[1] - 7 * axis[0]) for s in (0.99, 1.0, 1.31, 1.61)]
+    np.testing.assert_allclose(at(walk, *steps), [0, 0.2, 0.4, 0.6])
+
+
+def test_slopes_are_continuous_and_level_at_both_ends() -> None:
+    stretches = [{"length_m": 2, "angle_deg": 45}, {"length_m": 1, "angle_deg": 0}, {"length_m": 4, "angle_deg": -30}]
+    walk = ground(kind="slopes", stretches=stretches, start_m=1.0, toward_deg=90.0, height_m=0.5)
+    low = 2.5 - 4 * math.tan(math.radians(30))
+    points = [(x, 3) for x in (-5, 1, 2, 3, 4, 8, 50)]
+    np.testing.assert_allclose(at(walk, *points), [0.5, 0.5, 1.5, 2.5, 2.5, low, low])
+
+
+def test_sines_add_up() -> None:
+    waves = [{"amplitude_m": 1, "wavelength_m": 4}, {"amplitude_m": 0.5, "wavelength_m": 8, "toward_deg": 90}]
+    rolling = ground(kind="sines", waves=[*waves, {"amplitude_m": 2, "wavelength_m": 3, "phase_deg": 90}])
+    np.testing.assert_allclose(at(rolling, (0, 0), (2, 0), (0, 3)), [2, 2.5, 1], atol=1e-12)
+
+
+def test_rubble_follows_from_the_seed() -> None:
+    def made(seed: int, number: int = 0) -> np.ndarray:
+        models = [{"kind": "flat", "height_m": -9}] * number + [{"kind": "rubble", "extent_m": [8, 4], "height_m": 1}]
+        model = TypeAdapter(GroundModel).validate_python({"kind": "layers", "layers": models})
+        found = build_ground(model, Path(), seed).layers[-1 if number else 0].grid
+        assert found is not None
+        return found
+
+    first = made(4)
+    assert first.shape == (11, 21)
+    assert (first == made(4)).all()
+    assert not (first == made(5)).all()
+    assert not (first == made(4, 1)).all()  # a second layer of rubble is another one
+    inner = first[1:-1, 1:-1] - 1
+    assert 0.09 < np.abs(inner).max() <= 0.1
+    assert abs(inner.mean()) < 0.02
+    assert (np.concatenate([first[0], first[-1], first[:, 0], first[:, -1]]) == 1).all()
+
+
+def test_levels_by_altitude() -> None:
+    deck = {"kind": "flat", "height_m": 3.0, "area_m": {"x": [-1, 1], "z": [-2, 2]}}
+    both = ground(kind="layers", layers=[deck, {"kind": "flat", "height_m": 0.2}])
+    for altitude, found in ((None, 3.0), (0.2, 0.2), (1.9, 0.2), (2.0, 3.0), (9.0, 3.0), (-5.0, 0.2)):
+        assert height(both, 0.0, 0.0, altitude) == found
+        assert height(both, 1.5, 0.0, altitude) == 0.2
+    far = build_ground(TypeAdapter(GroundModel).validate_python(model(both)), Path(), max_step_height=2.5)
+    assert height(far, 0.0, 0.0, 0.6) == 3.0
+    np.testing.assert_allclose(height(both, np.zeros(3), 0.0, np.array([0.0, 2.5, 0.0])), [0.2, 3.0, 0.2])
+
+
+def model(ground: Ground) -> dict[str, Any]:
+    """The layers of `test_levels_by_altitude` again."""
+    low, high = next(layer.area for layer in ground.layers if layer.area is not None)
+    area = {"x": [low[0], high[0]], "z": [low[1], high[1]]}
+    return {
+        "kind": "layers",
+        "layers": [{"kind": "flat", "height_m": 0.2}, {"kind": "flat", "height_m": 3.0, "area_m": area}],
+    }
+
+
+def test_steep_ground_is_told() -> None:
+    assert ground(kind="sines", waves=[{"amplitude_m": 0.2, "wavelength_m": 2}]).notes == ()
+    (note,) = ground(kind="sines", waves=[{"amplitude_m": 1, "wavelength_m": 2}]).notes
+    assert "up to 72 deg steep" in note
+
+
 def test_height_map_is_not_mirrored(tmp_path: Path) -> None:
     """The first row is far (+z), columns run from the left (+x) to the right."""
     np.save(tmp_path / "map.npy", np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]))
@@ -53,6 +131,57 @@ def test_height_map_is_not_mirrored(tmp_path: Path) -> None:
     np.testing.assert_allclose(at(here, (12, 21), (10, 21), (8, 21), (12, 19), (8, 19)), [1, 2, 3, 4, 6])
     np.testing.assert_allclose(at(here, (10, 20), (11, 21)), [3.5, 1.5])  # bilinear
     np.testing.assert_allclose(at(here, (99, 99), (-99, 20)), [1, 4.5])  # level beyond the border
+
+
+def test_cells_that_are_not_square(tmp_path: Path) -> None:
+    np.save(tmp_path / "map.npy", np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]))
+    here = ground(tmp_path, kind="heightmap", file="map.npy", cell_m=[2.0, 10.0])
+    np.testing.assert_allclose(at(here, (2, 5), (0, 5), (-2, -5), (0, 0)), [1, 2, 6, 3.5])
+
+
+DEGREES = {"dx": 0.001, "dy": 0.002, "xmin": 8.0, "xmax": 8.004, "ymin": 60.006, "ymax": 60.0}
+
+
+@pytest.mark.parametrize(
+    ("said", "cell"),
+    [
+        (DEGREES, (55.5937, 222.39)),  # a degree of longitude is half as long at 60 degrees
+        (DEGREES | {"xmax": 8.005, "ymax": 59.998}, (55.5941, 222.39)),  # borders half a cell outside the samples
+        ({"dx": 30.0, "dy": 25.0}, (30, 25)),
+        ({"dx": 30.0, "dy": -25.0, "xmin": 5e5, "xmax": 5e5 + 120, "ymin": 4e6, "ymax": 4e6 + 75}, (30, 25)),
+    ],
+)
+def test_archive_says_its_cell(said: dict[str, float], cell: tuple[float, float], tmp_path: Path) -> None:
+    np.savez(tmp_path / "dem.npz", elevation=np.zeros((4, 5)), **said)
+    here = ground(tmp_path, kind="heightmap", file="dem.npz")
+    np.testing.assert_allclose(-here.layers[0].cell, cell, rtol=1e-4)
+    assert "dem.npz: cells of" in here.notes[0]
+    assert not ground(tmp_path, kind="heightmap", file="dem.npz", cell_m=3.0).notes
+
+
+@pytest.mark.parametrize(
+    ("said", "says"),
+    [
+        ({}, "does not say how far its samples are apart; cell_m is needed"),
+        ({"dx": 30.0}, "does not say how far its samples are apart"),
+        ({"dx": 0.001, "dy": 0.002}, "dx 0.001 and dy 0.002 could be metres or degrees; cell_m is needed"),
+        ({"dx": 1, "dy": 1, "xmin": 0, "xmax": 4, "ymin": 0, "ymax": 3}, "could be metres or degrees"),
+        (DEGREES | {"xmax": 9.0}, "do not fit its borders and 5 x 4 cells"),
+        ({"dx": 0.0, "dy": 1.0}, "no size of a cell"),
+    ],
+)
+def test_archive_whose_cell_is_not_clear(said: dict[str, float], says: str, tmp_path: Path) -> None:
+    np.savez(tmp_path / "dem.npz", elevation=np.zeros((4, 5)), **said)
+    with pytest.raises(InputError, match=says):
+        ground(tmp_path, kind="heightmap", file="dem.npz")
+
+
+def test_elevation_model_of_a_package() -> None:
+    file = "package:matplotlib/mpl-data/sample_data/jacksboro_fault_dem.npz"
+    here = ground(kind="heightmap", file=file, datum_m="center")
+    assert grid(here).shape == (344, 403)
+    np.testing.assert_allclose(-here.layers[0].cell, (74.4, 92.7), atol=0.1)
+    assert at(here, (0, 0)) == [pytest.approx(0)]
 
 
 def test_datum_and_scale(tmp_path: Path) -> None:
@@ -94,7 +223,7 @@ def test_real_terrain(shared_data: Path) -> None:
     assert np.ptp(grid(hugo)) == pytest.approx(51.0, abs=1.0)  # 1660 to 1711 m
     assert hugo.layers[0].missing is not None
     assert 0.4 < hugo.layers[0].missing.mean() < 0.6
-    dem = grid(ground(folder, kind="heightmap", file="jacksboro_fault_dem.npz", cell_m=80.0))
+    dem = grid(ground(folder, kind="heightmap", file="jacksboro_fault_dem.npz"))
     assert dem.shape == (344, 403)
     assert (dem.min(), dem.max()) == (236, 1076)
 
