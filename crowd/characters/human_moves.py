@@ -104,7 +104,7 @@ def _crouch_walk() -> Clip:
     for side, sign, start in SIDES:
         wave = 2 * np.pi * (_phase() + start)
         _arms_forward(poser, 6.0 * np.cos(wave), side, sign)
-    return poser.clip("crouch_walk", "walk", cycle, speed)
+    return poser.clip("crouch_walk", "other", cycle, speed)
 
 
 def _arms_forward(poser: Poser, swing: np.ndarray, side: str, sign: float) -> None:
@@ -129,7 +129,7 @@ def _crouch_idle() -> Clip:
     standing(poser, 0.205 + 0.004 * breath)
     for side, sign, _ in SIDES:
         _arms_forward(poser, 1.5 * breath, side, sign)
-    return poser.clip("crouch_idle", "idle", 4.0, None)
+    return poser.clip("crouch_idle", "other", 4.0, None)
 
 
 def _once(poser: Poser, name: str, duration: float) -> Clip:
@@ -155,7 +155,7 @@ def _jump() -> Clip:
     _bowed(poser, 48.0 * deep)
     standing(poser, -height + 0.004)
     heel = spline((0, 0.2, off, 0.5 * (off + land), land, land + 0.1, duration), (0, 0, -48, -40, -26, 0, 0))
-    _both_feet(poser, time, (off, land), np.clip(heel(time), -60.0, 0.0), air)
+    _both_feet(poser, np.clip(heel(time), -60.0, 0.0), air)
     throw = spline((0, 0.17, off + 0.04, land, duration), (4, -38, 75, 45, 4))
     for side, sign, _ in SIDES:
         hang_arms(poser, throw(time), 14.0 + 30.0 * deep + 0.25 * np.maximum(throw(time), 0.0), side, sign)
@@ -169,23 +169,27 @@ def _bowed(poser: Poser, lean: np.ndarray) -> None:
     poser.turn_world("head", pitch(0.2 * lean))
 
 
-def _both_feet(poser: Poser, time: np.ndarray, air: tuple[float, float], heel: np.ndarray, height: np.ndarray) -> None:
-    """Feet side by side, in the air between two times at a height [F]; heel: pitch [F], degrees."""
-    path = FootPath(0.0, 0.105, 0.0, 1.0, lambda s: 0.0 * s, lambda p: np.interp(p, time / time[-1], heel))
-    flying = (time > air[0]) & (time < air[1])
+class _Springing(FootPath):
+    """A foot on one spot whose height and pitch over the clip are given."""
 
-    class Airborne(FootPath):
-        def contact(self, phase: np.ndarray) -> np.ndarray:
-            place = super().contact(phase)
-            place[:, 1] = np.where(flying, height, 0.0)
-            return place
+    def contact(self, phase: np.ndarray) -> np.ndarray:
+        place = super().contact(phase)
+        place[:, 1] = self.lift(phase)
+        return place
 
-        def toe_bend(self, phase: np.ndarray) -> np.ndarray:
-            return np.where(flying, 0.25, 1.0) * -heel
+    def toe_bend(self, phase: np.ndarray) -> np.ndarray:
+        flat = 1.0 - 0.75 * smoothstep(self.lift(phase) / 0.06)  # toes lie on the ground, and follow the foot above it
+        return -flat * self.pitch(phase)
 
+
+def _both_feet(poser: Poser, heel: np.ndarray, height: np.ndarray) -> None:
+    """Feet side by side at heights [F] m above the ground and pitches `heel` [F], degrees."""
+    phase = np.arange(poser.samples) / poser.samples
     for side, sign, _ in SIDES:
-        own = Airborne(path.stride, path.front, sign * FOOT_X, path.duty, path.lift, path.pitch)
-        step_leg(poser, leg_of(side, sign), own, np.minimum(time / time[-1], 1.0 - 1e-9), sign * 6.0)
+        path = _Springing(
+            0.0, 0.105, sign * FOOT_X, 1.0, lambda p: np.interp(p, phase, height), lambda p: np.interp(p, phase, heel)
+        )
+        step_leg(poser, leg_of(side, sign), path, phase, sign * 6.0)
 
 
 def _wave() -> Clip:

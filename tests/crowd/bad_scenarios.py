@@ -137,6 +137,48 @@ TABLE = [
         (":11 world.fluids[0]: exactly",),
     ),
     Bad("event of nothing", *more("events:\n- {at_s: 1}\n"), (":10 events[0]: exactly one of impulse_n_s",)),
+    Bad(
+        "event of two things",
+        *more("events:\n- {at_s: 1, style: crouch, clip: jump}\n"),
+        (":10 events[0]: exactly one of impulse_n_s", "style, clip", "both style and clip are given"),
+    ),
+    Bad(
+        "fade of a push",
+        *more("events:\n- {at_s: 1, velocity_m_s: [0, 1], fade_s: 1}\n"),
+        ("events[0].fade_s: 1:",),
+    ),
+    Bad(
+        "hold of a style",
+        *more("events:\n- {at_s: 1, style: crouch, hold_s: 1}\n"),
+        ("hold_s: 1: only a clip",),
+    ),
+    Bad(
+        "negative fade",
+        *more("events:\n- {at_s: 1, clip: jump, fade_s: -1}\n"),
+        ("fade_s: -1: must be",),
+    ),
+    Bad(
+        "hold of no time",
+        *more("events:\n- {at_s: 1, clip: jump, hold_s: 0}\n"),
+        ("hold_s: 0: must be",),
+    ),
+    Bad("clip of no name", *more("events:\n- {at_s: 1, clip: 3}\n"), ("events[0].clip: 3: must be a valid string",)),
+    Bad(
+        "style of no walk",
+        *more("  styles: {slow: {idle: idle}}\n"),
+        (":9 herds[0].styles.slow: style",),
+    ),
+    Bad("style called normal", *more("  styles: {normal: {walk: walk}}\n"), ("styles.normal: 'normal' is",)),
+    Bad(
+        "clip of two roles",
+        *more("  styles: {slow: {walk: walk, step: walk}}\n"),
+        (":9 herds[0].styles.slow: clip 'walk' is named both walk and step",),
+    ),
+    Bad(
+        "unknown key in a style",
+        *more("  styles: {slow: {wakl: walk}}\n"),
+        (":9 herds[0].styles.slow.wakl: unknown key 'wakl' (did you mean 'walk'?)",),
+    ),
     # between parts
     Bad(
         "name of two herds",

@@ -306,6 +306,70 @@ def test_heel_lies_flat_in_mid_stance_and_the_toes_until_toe_off() -> None:
     assert np.abs(np.abs(toes[:, 0]) - 1.0).max() < 1e-6, "toes stay flat on the ground"
 
 
+def played_once(name: str) -> tuple[Clip, np.ndarray, np.ndarray]:
+    """A clip of the person that does not loop, its contact points [F, L, 3] and joints [F, J, 3]."""
+    person = build("human")
+    clip = clip_of(person, name)
+    assert not clip.cyclic and clip.role == "other"
+    rotation, position = posed(person, clip)
+    return clip, np.stack([contact(leg, rotation, position) for leg in person.legs], 1), position
+
+
+@pytest.mark.parametrize("name", ["jump", "wave"])
+def test_clips_played_once_begin_and_end_standing(name: str) -> None:
+    person = build("human")
+    _, _, position = played_once(name)
+    _, idle = posed(person, clip_of(person, "idle"))
+    for end in (0, -1):
+        assert np.abs(position[end] - idle.mean(0)).max() < 0.03
+    vertices = posing.skin(person.mesh, *posed(person, clip_of(person, name)))
+    assert vertices[..., 1].min() > -0.01
+
+
+def test_jump_leaves_the_ground_and_falls_freely() -> None:
+    person = build("human")
+    clip, feet, position = played_once("jump")
+    assert clip.duration == 0.8
+    flying = (feet[..., 1] > 1e-3).all(1)
+    time = np.linspace(0.0, clip.duration, len(feet))
+    assert 0.2 < flying.sum() * time[1] < 0.35 and 0.05 < feet[..., 1].max() < 0.2
+    assert np.abs(feet[..., [0, 2]] - feet[0][:, [0, 2]]).max() < 1e-6, "on the spot"
+    assert np.abs(feet[~flying][..., 1]).max() < 2e-3
+    fall = np.polyfit(time[flying], position[flying, person.pelvis, 1], 2)[0]
+    assert 2 * fall == pytest.approx(-9.81, rel=0.01)
+    assert position[:, person.pelvis, 1].min() < position[0, person.pelvis, 1] - 0.15
+
+
+def test_wave_raises_the_right_hand_and_keeps_the_feet() -> None:
+    person = build("human")
+    _, feet, position = played_once("wave")
+    assert np.abs(feet - feet[0]).max() < 1e-6
+    right, left = (next(arm.hand for arm in person.arms if arm.side == side) for side in (-1, 1))
+    head = position[:, person.skeleton.names.index("head"), 1]
+    assert position[:, right, 1].max() > head.max()
+    assert np.ptp(position[:, left], axis=0).max() < 0.05
+    up = position[:, right, 1] > head
+    assert np.sum(np.diff(np.sign(np.diff(position[up, right, 0]))) != 0) >= 4, "to and fro"
+
+
+def test_crouch_is_low_with_bent_knees_and_the_arms_ahead() -> None:
+    person = build("human")
+    for name, upright in (("crouch_idle", "idle"), ("crouch_walk", "walk")):
+        _, low = posed(person, clip_of(person, name))
+        _, tall = posed(person, clip_of(person, upright))
+        assert low[:, person.pelvis, 1].max() < tall[:, person.pelvis, 1].min() - 0.12
+        assert low[:, [arm.hand for arm in person.arms], 2].min() > 0.2
+    assert clip_of(person, "crouch_walk").speed < clip_of(person, "walk").speed  # type: ignore[operator]
+
+
+def test_feet_do_not_cross_in_side_steps() -> None:
+    person = build("human")
+    for name in ("side_left", "side_right"):
+        rotation, position = posed(person, clip_of(person, name))
+        left, right = (contact(leg, rotation, position)[:, 0] for leg in person.legs)
+        assert (left - right).min() > 0.08
+
+
 def test_wrong_name_is_told_the_nearest() -> None:
     with pytest.raises(InputError, match=r"humna.*did you mean 'human'.*dog.*hexapod"):
         build("humna")
