@@ -1,0 +1,257 @@
+"""Inverse kinematics of legs of any number of bones (locomotion specification 5.3).
+
+All joints bend by one relation, each about its own axis: straightening scales every bend by the same factor, folding
+adds the same angle to every bend. The leg is then swung as a whole. So a leg keeps its plan: knees and hocks stay on
+their sides, and no bone twists. A joint's bend is the angle between its bones, 0 when straight.
+
+The one unknown is `y`: with it the reach falls nearly in a straight line, even from a stretched leg, so that Newton
+steps kept in a bracket get there soon. Straightening multiplies bends by sqrt(y), y from 1 to 0; folding adds
+sqrt(w^2 + y) - w to them, y from 0 up, w a typical bend. The search is not differentiated: the last step is, and gives
+the derivative of the solution.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from kernels import quat
+from kernels.vec import cross, dot, norm, unit
+
+STRAIGHT = 1e-4  # sine of a bend; below, a joint has no axis and keeps its bend
+FOLD = np.pi / 6  # step of the search for a bracket (specification 5.3)
+FOLDS = 6  # up to half a turn
+STEPS = 6  # of Newton, in the bracket
+SHORT = 1e-5  # m; shorter bones have no direction
+FOLDED = 1e-3  # of the length; hip to ankle below
+LEAST = 0.02  # rad, of the typical bend
+NOTHING = 1e-10  # m^2; a target or a leg end that near to the hip has no direction
+_FLAT = 1e-8  # smallest y and smallest slope: roots and quotients stay finite
+_SIN = (
+    0.9999999999827677,
+    -0.1666666661642123,
+    0.008333330958758585,
+    -1.984085912452894e-4,
+    2.752516069376e-6,
+    -2.38872e-8,
+)
+_COS = (0.9999999997772736, -0.499999993505528, 0.041666635966945, -1.388835770734148e-3, 2.47599723101e-5, -2.60481e-7)
+
+
+class _Leg(NamedTuple):
+    """A leg's bones and joints."""
+
+    bones: Float[Array, "3 bones *b"]
+    axes: Float[Array, "3 joints *b"]  # unit; 0 without a bend
+    bends: Float[Array, "joints *b"]  # rad; 0 without an axis
+    typical: Float[Array, "*b"]  # rad
+    length: Float[Array, "*b"]  # m
+
+
+def chain(
+    points: Float[Array, "3 joints *b"], target: Float[Array, "3 *b"], tolerance: float = 1e-3
+) -> tuple[Float[Array, "3 joints *b"], Float[Array, "*b"]]:
+    """The leg bent and swung so that its end meets the target, and how far it stays away from it (m).
+
+    points: hip first, ankle last, at least two bones, world frame; bones of length 0 (padding: the hip repeated) stay
+    so. tolerance: of the leg's length, for the reach. Out of reach the leg is straight within the tolerance and points
+    at the target; nearer than it can fold it is as short as it gets; a target at the hip leaves its direction. Joints
+    that are straight have no axis and stay straight.
+    """
+    leg = _leg(points[:, 1:] - points[:, :-1])
+    way = target - points[:, 0]
+    distance = norm(way)
+    reach = jnp.minimum(distance, (1.0 - 0.25 * tolerance) * leg.length)
+    turned = _turned(leg, _bent(leg, reach), way)
+    places = [points[:, 0]]
+    for i, turn in enumerate(turned):
+        places.append(places[-1] + quat.rotate(turn, leg.bones[:, i]))
+    return jnp.stack(places, 1), norm(places[-1] - target)
+
+
+def turns(before: Float[Array, "3 joints *b"], after: Float[Array, "3 joints *b"]) -> Float[Array, "4 bones *b"]:
+    """World rotation of each bone from a leg's pose to the pose that `chain` made of it.
+
+    Composed as `chain` does: the swing of the whole leg, then each joint's bend about its own axis, so bones do not
+    twist about themselves. What is then left between a bone and its place (nothing, unless `after` is another leg's
+    pose) is made up by the smallest rotation. Rotations of bones of length 0 are those of the joint above.
+    """
+    leg = _leg(before[:, 1:] - before[:, :-1])
+    bones = after[:, 1:] - after[:, :-1]
+    bends = jnp.where(leg.bends > 0, _angles(bones), leg.bends)
+    turned = _turned(leg, bends, after[:, -1] - after[:, 0], bones[:, -1])
+    made = []
+    for i, turn in enumerate(turned):
+        now, goal = unit(quat.rotate(turn, leg.bones[:, i])), unit(bones[:, i])
+        made.append(quat.multiply(quat.between(now, goal), turn))
+    return jnp.stack(made, 1)
+
+
+def _leg(bones: Float[Array, "3 bones *b"]) -> _Leg:
+    lengths = norm(bones)
+    normal = cross(unit(bones[:, :-1]), unit(bones[:, 1:]))
+    sine = norm(normal)
+    there = (sine > STRAIGHT) & (jnp.minimum(lengths[:-1], lengths[1:]) > SHORT)
+    axes = jnp.where(there, normal / jnp.where(there, sine, 1.0), 0.0)
+    bends = jnp.where(there, _angles(bones), 0.0)
+    count = jnp.maximum(_sum(there.astype(bends.dtype)), 1.0)
+    typical = jnp.sqrt(_sum(bends * bends) / count + LEAST**2)
+    return _Leg(bones, axes, bends, typical, _sum(lengths))
+
+
+def _angles(bones: Float[Array, "3 bones *b"]) -> Float[Array, "joints *b"]:
+    """Between neighbouring bones, 0 to pi; right angles with bones of length 0."""
+    a, b = unit(bones[:, :-1]), unit(bones[:, 1:])
+    return jnp.arctan2(norm(cross(a, b)), dot(a, b))
+
+
+def _bends_at(
+    leg: _Leg, folds: Bool[Array, "*b"], y: Float[Array, "*b"]
+) -> tuple[Float[Array, "joints *b"], Float[Array, "joints *b"]]:
+    """Every joint's bend at y, and its derivative. No bend passes half a turn."""
+    root = jnp.sqrt(jnp.maximum(y, 0.0) + jnp.where(folds, leg.typical * leg.typical, _FLAT))
+    more = leg.bends + (root - leg.typical)
+    bends = jnp.where(folds, jnp.minimum(more, np.pi), leg.bends * root)
+    slope = jnp.where(folds, jnp.where(more < np.pi, 1.0, 0.0), leg.bends) * (0.5 / root)
+    there = leg.bends > 0
+    return jnp.where(there, bends, 0.0), jnp.where(there, slope, 0.0)
+
+
+def _sine_cosine(angle: Float[Array, "*b"]) -> tuple[Float[Array, "*b"], Float[Array, "*b"]]:
+    """Of angles within half a turn either way, exact in float32: polynomials of the half angle, made one unit long."""
+    half = 0.5 * angle
+    square = half * half
+    sine, cosine = jnp.zeros_like(angle), jnp.zeros_like(angle)
+    for s, c in zip(reversed(_SIN), reversed(_COS), strict=True):
+        sine, cosine = sine * square + s, cosine * square + c
+    sine = sine * half
+    return sine, cosine
+
+
+def _end(
+    leg: _Leg, bends: Float[Array, "joints *b"], slopes: Float[Array, "joints *b"]
+) -> tuple[Float[Array, "3 *b"], Float[Array, "3 *b"]]:
+    """From hip to ankle before the swing, and its derivative for the given slopes of the bends."""
+    s, c = _sine_cosine(bends - leg.bends)
+    end = leg.bones[:, -1]
+    change = jnp.zeros_like(end)
+    for i in reversed(range(len(bends))):
+        q = jnp.concatenate([c[i][None], s[i] * leg.axes[:, i]])
+        end, change = quat.rotate(q, end), quat.rotate(q, change)
+        change = change + slopes[i] * cross(leg.axes[:, i], end)
+        end = end + leg.bones[:, i]
+    return end, change
+
+
+def _reach(leg: _Leg, folds: Bool[Array, "*b"], y: Float[Array, "*b"]) -> tuple[Float[Array, "*b"], Float[Array, "*b"]]:
+    """Distance from hip to ankle at y (m), and its derivative."""
+    end, change = _end(leg, *_bends_at(leg, folds, y))
+    far = norm(end)
+    return far, dot(end, change) / far
+
+
+def _bent(leg: _Leg, reach: Float[Array, "*b"]) -> Float[Array, "joints *b"]:
+    """Bends that give the leg this reach."""
+    fixed, asked = jax.lax.stop_gradient(leg), jax.lax.stop_gradient(reach)
+    folds = asked < norm(_end(fixed, fixed.bends, jnp.zeros_like(fixed.bends))[0])
+    y = _search(fixed, folds, asked)
+    now, slope = _reach(leg, folds, y)
+    slope = jax.lax.stop_gradient(slope)
+    falls = slope < -_FLAT
+    step = jnp.where(falls, (now - reach) / jnp.where(falls, slope, -1.0), 0.0)
+    # the derivative of the solution; the step itself is used where it is small, near a minimum it is not
+    step = jnp.where(jnp.abs(step) <= 0.1 * y + 1e-3, step, step - jax.lax.stop_gradient(step))
+    return _bends_at(leg, folds, y - step)[0]
+
+
+def _search(leg: _Leg, folds: Bool[Array, "*b"], asked: Float[Array, "*b"]) -> Float[Array, "*b"]:
+    """y of the reach asked for; of the shortest reach, nearly, where folding does not come to it."""
+    now = norm(_end(leg, leg.bends, jnp.zeros_like(leg.bends))[0])
+    known, low, high = _bracket(leg, folds, asked, now)
+    secant = (leg.length - asked) / jnp.maximum(leg.length - now, _FLAT)
+    y = jnp.where(folds, 0.5 * (low + high), jnp.clip(secant, 0.0, 1.0))
+
+    def step(_: int, at: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
+        y, low, high, best, missed = at
+        far, slope = _reach(leg, folds, y)
+        past = (far <= asked) | (~known & (slope >= 0))
+        low, high = jnp.where(past, low, y), jnp.where(past, y, high)
+        nearer = jnp.abs(far - asked) < missed
+        best, missed = jnp.where(nearer, y, best), jnp.where(nearer, jnp.abs(far - asked), missed)
+        falls = slope < -_FLAT
+        newton = y - (far - asked) / jnp.where(falls, slope, -1.0)
+        inside = falls & (newton >= low) & (newton <= high)
+        return jnp.where(inside, newton, 0.5 * (low + high)), low, high, best, missed
+
+    return jax.lax.fori_loop(0, STEPS, step, (y, low, high, y, jnp.full_like(y, jnp.inf)))[3]
+
+
+def _bracket(
+    leg: _Leg, folds: Bool[Array, "*b"], asked: Float[Array, "*b"], now: Float[Array, "*b"]
+) -> tuple[Bool[Array, "*b"], Float[Array, "*b"], Float[Array, "*b"]]:
+    """Bounds of y: of the first step of FOLD that passes the reach asked for, or on both sides of the shortest step.
+
+    Straightening always passes it between 1 and 0.
+    """
+
+    def at(fold: Float[Array, ""]) -> Float[Array, "*b"]:
+        angle = FOLD * jnp.clip(fold, 0.0, FOLDS)
+        return jnp.where(folds, angle * (angle + 2.0 * leg.typical), 1.0)
+
+    def widen(k: int, bounds: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
+        passed, low, high, least = bounds
+        fold = jnp.asarray(k, asked.dtype)
+        far = _reach(leg, folds, at(fold))[0]
+        shorter = ~passed & (far < least)
+        passes = ~passed & (far <= asked)
+        low = jnp.where(shorter, at(fold - 1), low)
+        high = jnp.where(shorter, jnp.where(passes, at(fold), at(fold + 1)), high)
+        return passed | passes, low, high, jnp.where(shorter, far, least)
+
+    first = at(jnp.ones((), asked.dtype))
+    return jax.lax.fori_loop(1, FOLDS + 1, widen, (~folds, jnp.zeros_like(asked), first, now))[:3]
+
+
+def _turned(
+    leg: _Leg, bends: Float[Array, "joints *b"], way: Float[Array, "3 *b"], last: Float[Array, "3 *b"] | None = None
+) -> list[Float[Array, "4 *b"]]:
+    """World rotation of each bone: bends about the axes, then the swing of hip to ankle onto `way`.
+
+    A leg folded onto its hip has no such direction: its last bone is then swung onto `last` where that is given.
+    """
+    s, c = _sine_cosine(bends - leg.bends)
+    joints = [jnp.concatenate([c[i][None], s[i] * leg.axes[:, i]]) for i in range(len(bends))]
+    end = leg.bones[:, -1]
+    for i in reversed(range(len(joints))):
+        end = leg.bones[:, i] + quat.rotate(joints[i], end)
+    if last is not None:
+        foot = leg.bones[:, -1]
+        for joint in reversed(joints):
+            foot = quat.rotate(joint, foot)
+        folded = dot(way, way) < (FOLDED * leg.length) ** 2
+        end, way = jnp.where(folded, foot, end), jnp.where(folded, last, way)
+    turned = [_swing(end, way)]
+    for joint in joints:
+        turned.append(quat.multiply(turned[-1], joint))
+    return turned
+
+
+def _swing(a: Float[Array, "3 *b"], b: Float[Array, "3 *b"]) -> Float[Array, "4 *b"]:
+    """Smallest rotation of direction a to b: none if either is 0, half a turn about some axis if they are opposite."""
+    some = (dot(a, a) > NOTHING) & (dot(b, b) > NOTHING)
+    a, b = (unit(jnp.where(some, v, jnp.ones_like(v))) for v in (a, b))
+    zero = jnp.zeros_like(a[0])
+    across = jnp.where(jnp.abs(a[0]) < 0.6, jnp.stack([zero, a[2], -a[1]]), jnp.stack([-a[2], zero, a[0]]))
+    half_turn = jnp.concatenate([zero[None], unit(across)])
+    return jnp.where(dot(a, b) < -1.0 + 1e-6, half_turn, quat.between(a, b))
+
+
+def _sum(x: Float[Array, "n *b"]) -> Float[Array, "*b"]:
+    total = x[0]
+    for i in range(1, len(x)):
+        total = total + x[i]
+    return total
