@@ -20,12 +20,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from kernels import quat
-from kernels.vec import cross, dot, norm, unit
+from kernels.vec import TINY, cross, dot, norm, unit
+from kernels.wall import Wall, no_wall
 
 STRAIGHT = 1e-4  # sine of a bend; below, a joint has no axis and keeps its bend
 FOLD = np.pi / 6  # step of the search for a bracket (specification 5.3)
 FOLDS = 6  # up to half a turn
-STEPS = 6  # of Newton, in the bracket
+STEPS = 8  # of Newton, in the bracket
 SHORT = 1e-5  # m; shorter bones have no direction
 FOLDED = 1e-3  # of the length; hip to ankle below
 LEAST = 0.02  # rad, of the typical bend
@@ -42,6 +43,9 @@ _SIN = (
 _COS = (0.9999999997772736, -0.499999993505528, 0.041666635966945, -1.388835770734148e-3, 2.47599723101e-5, -2.60481e-7)
 
 
+_Components = tuple[jax.Array, jax.Array, jax.Array]
+
+
 class _Leg(NamedTuple):
     """A leg's bones and joints."""
 
@@ -53,7 +57,7 @@ class _Leg(NamedTuple):
 
 
 def chain(
-    points: Float[Array, "3 joints *b"], target: Float[Array, "3 *b"], tolerance: float = 1e-3
+    points: Float[Array, "3 joints *b"], target: Float[Array, "3 *b"], tolerance: float = 1e-3, wall: Wall = no_wall
 ) -> tuple[Float[Array, "3 joints *b"], Float[Array, "*b"]]:
     """The leg bent and swung so that its end meets the target, and how far it stays away from it (m).
 
@@ -62,33 +66,40 @@ def chain(
     at the target; nearer than it can fold it is as short as it gets; a target at the hip leaves its direction. Joints
     that are straight have no axis and stay straight.
     """
-    leg = _leg(points[:, 1:] - points[:, :-1])
+    leg = wall(_leg, points[:, 1:] - points[:, :-1])
     way = target - points[:, 0]
     distance = norm(way)
     reach = jnp.minimum(distance, (1.0 - 0.25 * tolerance) * leg.length)
-    turned = _turned(leg, _bent(leg, reach), way)
+    turned = _turned(leg, _bent(leg, reach, wall), way, None, wall)
     places = [points[:, 0]]
     for i, turn in enumerate(turned):
-        places.append(places[-1] + quat.rotate(turn, leg.bones[:, i]))
+        places.append(
+            wall(lambda above, turn, bone: above + quat.rotate(turn, bone), places[-1], turn, leg.bones[:, i])
+        )
     return jnp.stack(places, 1), norm(places[-1] - target)
 
 
-def turns(before: Float[Array, "3 joints *b"], after: Float[Array, "3 joints *b"]) -> Float[Array, "4 bones *b"]:
+def turns(
+    before: Float[Array, "3 joints *b"], after: Float[Array, "3 joints *b"], wall: Wall = no_wall
+) -> Float[Array, "4 bones *b"]:
     """World rotation of each bone from a leg's pose to the pose that `chain` made of it.
 
     Composed as `chain` does: the swing of the whole leg, then each joint's bend about its own axis, so bones do not
     twist about themselves. What is then left between a bone and its place (nothing, unless `after` is another leg's
     pose) is made up by the smallest rotation. Rotations of bones of length 0 are those of the joint above.
     """
-    leg = _leg(before[:, 1:] - before[:, :-1])
+    leg = wall(_leg, before[:, 1:] - before[:, :-1])
     bones = after[:, 1:] - after[:, :-1]
-    bends = jnp.where(leg.bends > 0, _angles(bones), leg.bends)
-    turned = _turned(leg, bends, after[:, -1] - after[:, 0], bones[:, -1])
-    made = []
-    for i, turn in enumerate(turned):
-        now, goal = unit(quat.rotate(turn, leg.bones[:, i])), unit(bones[:, i])
-        made.append(quat.multiply(quat.between(now, goal), turn))
-    return jnp.stack(made, 1)
+    bends = jnp.where(leg.bends > 0, wall(_angles, bones), leg.bends)
+    turned = _turned(leg, bends, after[:, -1] - after[:, 0], bones[:, -1], wall)
+    return jnp.stack([wall(_made_up, turn, leg.bones[:, i], bones[:, i]) for i, turn in enumerate(turned)], 1)
+
+
+def _made_up(
+    turn: Float[Array, "4 *b"], bone: Float[Array, "3 *b"], goal: Float[Array, "3 *b"]
+) -> Float[Array, "4 *b"]:
+    """The turn, and then the smallest one that brings the bone to its goal."""
+    return quat.multiply(quat.between(unit(quat.rotate(turn, bone)), unit(goal)), turn)
 
 
 def _leg(bones: Float[Array, "3 bones *b"]) -> _Leg:
@@ -134,50 +145,80 @@ def _sine_cosine(angle: Float[Array, "*b"]) -> tuple[Float[Array, "*b"], Float[A
 
 def _end(
     leg: _Leg, bends: Float[Array, "joints *b"], slopes: Float[Array, "joints *b"]
-) -> tuple[Float[Array, "3 *b"], Float[Array, "3 *b"]]:
-    """From hip to ankle before the swing, and its derivative for the given slopes of the bends."""
+) -> tuple[_Components, _Components]:
+    """From hip to ankle before the swing, and its derivative for the given slopes of the bends.
+
+    In components to the end: stacked between joints, XLA would compute each joint three times for the one below.
+    """
     s, c = _sine_cosine(bends - leg.bends)
-    end = leg.bones[:, -1]
-    change = jnp.zeros_like(end)
+    x, y, z = leg.bones[:, -1]
+    dx = dy = dz = jnp.zeros_like(x)
     for i in reversed(range(len(bends))):
-        q = jnp.concatenate([c[i][None], s[i] * leg.axes[:, i]])
-        end, change = quat.rotate(q, end), quat.rotate(q, change)
-        change = change + slopes[i] * cross(leg.axes[:, i], end)
-        end = end + leg.bones[:, i]
-    return end, change
+        axis = leg.axes[:, i]
+        u, v, w = axis
+        q = c[i], s[i] * u, s[i] * v, s[i] * w
+        x, y, z = _rotated(q, (x, y, z))
+        dx, dy, dz = _rotated(q, (dx, dy, dz))
+        dx, dy, dz = (
+            dx + slopes[i] * (v * z - w * y),
+            dy + slopes[i] * (w * x - u * z),
+            dz + slopes[i] * (u * y - v * x),
+        )
+        bx, by, bz = leg.bones[:, i]
+        x, y, z = x + bx, y + by, z + bz
+    return (x, y, z), (dx, dy, dz)
 
 
-def _reach(leg: _Leg, folds: Bool[Array, "*b"], y: Float[Array, "*b"]) -> tuple[Float[Array, "*b"], Float[Array, "*b"]]:
+def _rotated(q: tuple[jax.Array, ...], v: _Components) -> _Components:
+    """`quat.rotate`, not stacked."""
+    w, x, y, z = q
+    vx, vy, vz = v
+    tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
+    return vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
+
+
+def _reach(leg: _Leg, folds: Bool[Array, "*b"], y: Float[Array, "*b"]) -> Float[Array, "2 *b"]:
     """Distance from hip to ankle at y (m), and its derivative."""
-    end, change = _end(leg, *_bends_at(leg, folds, y))
-    far = norm(end)
-    return far, dot(end, change) / far
+    bends, slopes = _bends_at(leg, folds, y)
+    (x, y, z), (dx, dy, dz) = _end(leg, bends, slopes)
+    far = jnp.sqrt(x * x + y * y + z * z + TINY)
+    return jnp.stack([far, (x * dx + y * dy + z * dz) / far])
 
 
-def _bent(leg: _Leg, reach: Float[Array, "*b"]) -> Float[Array, "joints *b"]:
+def _now(leg: _Leg) -> Float[Array, "*b"]:
+    """Distance from hip to ankle as it is, m."""
+    end = leg.bones[:, 0]
+    for i in range(1, leg.bones.shape[1]):
+        end = end + leg.bones[:, i]
+    return norm(end)
+
+
+def _bent(leg: _Leg, reach: Float[Array, "*b"], wall: Wall) -> Float[Array, "joints *b"]:
     """Bends that give the leg this reach."""
     fixed, asked = jax.lax.stop_gradient(leg), jax.lax.stop_gradient(reach)
-    folds = asked < norm(_end(fixed, fixed.bends, jnp.zeros_like(fixed.bends))[0])
-    y = _search(fixed, folds, asked)
-    now, slope = _reach(leg, folds, y)
+    now = wall(_now, fixed)
+    folds = asked < now
+    y = _search(fixed, folds, asked, now, wall)
+    now, slope = wall(_reach, leg, folds, y)
     slope = jax.lax.stop_gradient(slope)
     falls = slope < -_FLAT
     step = jnp.where(falls, (now - reach) / jnp.where(falls, slope, -1.0), 0.0)
     # the derivative of the solution; the step itself is used where it is small, near a minimum it is not
     step = jnp.where(jnp.abs(step) <= 0.1 * y + 1e-3, step, step - jax.lax.stop_gradient(step))
-    return _bends_at(leg, folds, y - step)[0]
+    return wall(lambda *at: _bends_at(*at)[0], leg, folds, y - step)
 
 
-def _search(leg: _Leg, folds: Bool[Array, "*b"], asked: Float[Array, "*b"]) -> Float[Array, "*b"]:
+def _search(
+    leg: _Leg, folds: Bool[Array, "*b"], asked: Float[Array, "*b"], now: Float[Array, "*b"], wall: Wall
+) -> Float[Array, "*b"]:
     """y of the reach asked for; of the shortest reach, nearly, where folding does not come to it."""
-    now = norm(_end(leg, leg.bends, jnp.zeros_like(leg.bends))[0])
-    known, low, high = _bracket(leg, folds, asked, now)
+    known, low, high = _bracket(leg, folds, asked, now, wall)
     secant = (leg.length - asked) / jnp.maximum(leg.length - now, _FLAT)
     y = jnp.where(folds, 0.5 * (low + high), jnp.clip(secant, 0.0, 1.0))
 
     def step(_: int, at: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
         y, low, high, best, missed = at
-        far, slope = _reach(leg, folds, y)
+        far, slope = wall(_reach, leg, folds, y)
         past = (far <= asked) | (~known & (slope >= 0))
         low, high = jnp.where(past, low, y), jnp.where(past, y, high)
         nearer = jnp.abs(far - asked) < missed
@@ -191,7 +232,7 @@ def _search(leg: _Leg, folds: Bool[Array, "*b"], asked: Float[Array, "*b"]) -> F
 
 
 def _bracket(
-    leg: _Leg, folds: Bool[Array, "*b"], asked: Float[Array, "*b"], now: Float[Array, "*b"]
+    leg: _Leg, folds: Bool[Array, "*b"], asked: Float[Array, "*b"], now: Float[Array, "*b"], wall: Wall
 ) -> tuple[Bool[Array, "*b"], Float[Array, "*b"], Float[Array, "*b"]]:
     """Bounds of y: of the first step of FOLD that passes the reach asked for, or on both sides of the shortest step.
 
@@ -205,7 +246,7 @@ def _bracket(
     def widen(k: int, bounds: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
         passed, low, high, least = bounds
         fold = jnp.asarray(k, asked.dtype)
-        far = _reach(leg, folds, at(fold))[0]
+        far = wall(lambda *at: _reach(*at)[0], leg, folds, at(fold))
         shorter = ~passed & (far < least)
         passes = ~passed & (far <= asked)
         low = jnp.where(shorter, at(fold - 1), low)
@@ -217,27 +258,42 @@ def _bracket(
 
 
 def _turned(
-    leg: _Leg, bends: Float[Array, "joints *b"], way: Float[Array, "3 *b"], last: Float[Array, "3 *b"] | None = None
+    leg: _Leg,
+    bends: Float[Array, "joints *b"],
+    way: Float[Array, "3 *b"],
+    last: Float[Array, "3 *b"] | None,
+    wall: Wall,
 ) -> list[Float[Array, "4 *b"]]:
     """World rotation of each bone: bends about the axes, then the swing of hip to ankle onto `way`.
 
     A leg folded onto its hip has no such direction: its last bone is then swung onto `last` where that is given.
     """
-    s, c = _sine_cosine(bends - leg.bends)
-    joints = [jnp.concatenate([c[i][None], s[i] * leg.axes[:, i]]) for i in range(len(bends))]
-    end = leg.bones[:, -1]
-    for i in reversed(range(len(joints))):
-        end = leg.bones[:, i] + quat.rotate(joints[i], end)
+    end = wall(lambda leg, bends: jnp.stack(_end(leg, bends, jnp.zeros_like(bends))[0]), leg, bends)
     if last is not None:
-        foot = leg.bones[:, -1]
-        for joint in reversed(joints):
-            foot = quat.rotate(joint, foot)
+        foot = wall(_foot, leg, bends)
         folded = dot(way, way) < (FOLDED * leg.length) ** 2
         end, way = jnp.where(folded, foot, end), jnp.where(folded, last, way)
-    turned = [_swing(end, way)]
-    for joint in joints:
-        turned.append(quat.multiply(turned[-1], joint))
+    turned = [wall(_swing, end, way)]
+    for joint in wall(_joints, leg, bends):
+        turned.append(wall(quat.multiply, turned[-1], joint))
     return turned
+
+
+def _joints(leg: _Leg, bends: Float[Array, "joints *b"]) -> Float[Array, "joints 4 *b"]:
+    """Rotation of each joint from its bend to the given one."""
+    s, c = _sine_cosine(bends - leg.bends)
+    u, v, w = leg.axes
+    return jnp.stack([c, s * u, s * v, s * w], 1)
+
+
+def _foot(leg: _Leg, bends: Float[Array, "joints *b"]) -> Float[Array, "3 *b"]:
+    """The last bone before the swing."""
+    s, c = _sine_cosine(bends - leg.bends)
+    foot = tuple(leg.bones[:, -1])
+    for i in reversed(range(len(bends))):
+        u, v, w = s[i] * leg.axes[:, i]
+        foot = _rotated((c[i], u, v, w), foot)
+    return jnp.stack(foot)
 
 
 def _swing(a: Float[Array, "3 *b"], b: Float[Array, "3 *b"]) -> Float[Array, "4 *b"]:
