@@ -9,7 +9,7 @@ from typing import Any
 from crowd.errors import fail, nearest
 from crowd.types import Archetype
 
-BUILT_IN = ("human", "dog", "hexapod")
+BUILT_IN = ("human", "dog", "hexapod", "spider")
 SUFFIXES = (".glb", ".gltf", ".bvh", ".yaml", ".yml")
 
 __all__ = ["BUILT_IN", "load"]

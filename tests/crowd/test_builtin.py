@@ -19,6 +19,8 @@ GAITS = [
     ("dog", "gallop"),
     ("hexapod", "walk"),
     ("hexapod", "run"),
+    ("spider", "walk"),
+    ("spider", "run"),
 ]
 # Touchdown as a fraction of the cycle, legs in the archetype's order (front left, front right, ...).
 TOUCHDOWN = {
@@ -29,6 +31,8 @@ TOUCHDOWN = {
     ("dog", "gallop"): (0.5, 0.6, 0.0, 0.1),
     ("hexapod", "walk"): (0.0, 0.5, 0.5, 0.0, 0.0, 0.5),
     ("hexapod", "run"): (0.0, 0.5, 0.5, 0.0, 0.0, 0.5),
+    ("spider", "walk"): (0.5, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0, 0.5),
+    ("spider", "run"): (0.5, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0, 0.5),
 }
 DUTY = {  # the least and the most that is usual
     ("human", "walk"): (0.58, 0.64),
@@ -38,6 +42,8 @@ DUTY = {  # the least and the most that is usual
     ("dog", "gallop"): (0.20, 0.30),
     ("hexapod", "walk"): (0.55, 0.65),
     ("hexapod", "run"): (0.40, 0.50),
+    ("spider", "walk"): (0.55, 0.65),
+    ("spider", "run"): (0.40, 0.50),
 }
 
 
@@ -96,7 +102,9 @@ def test_invariants_of_archetypes(name: str) -> None:
     assert all(a >= b - 0.05 for a, b in zip(front[:-2], front[2:], strict=True)), "front before hind"
 
 
-@pytest.mark.parametrize(("name", "least", "most"), [("human", 20, 25), ("dog", 25, 32), ("hexapod", 24, 36)])
+@pytest.mark.parametrize(
+    ("name", "least", "most"), [("human", 20, 25), ("dog", 25, 32), ("hexapod", 24, 36), ("spider", 32, 44)]
+)
 def test_sizes(name: str, least: int, most: int) -> None:
     character = build(name)
     assert least <= character.skeleton.count <= most
@@ -214,7 +222,7 @@ def test_sides_mirror_each_other_half_a_cycle_apart(name: str, gait: str) -> Non
     _, position = posed(character, clip_of(character, gait))
     other = np.roll(position, len(position) // 2, axis=0)[:, mirrored(character)] * np.array([-1.0, 1.0, 1.0])
     exact = [leg.ankle for leg in character.legs] + [leg.knee for leg in character.legs]
-    if name == "hexapod":  # antennae feel about on their own
+    if name in ("hexapod", "spider"):  # feelers move on their own
         assert np.abs(position - other)[:, exact].max() < 1e-6
     else:
         assert np.abs(position - other).max() < 1e-6
@@ -283,5 +291,5 @@ def test_heel_lies_flat_in_mid_stance_and_the_toes_until_toe_off() -> None:
 
 
 def test_wrong_name_is_told_the_nearest() -> None:
-    with pytest.raises(InputError, match=r"humna.*did you mean 'human'.*dog.*hexapod"):
+    with pytest.raises(InputError, match=r"humna.*did you mean 'human'.*dog.*hexapod.*spider"):
         build("humna")
