@@ -10,7 +10,7 @@ from crowd.scenario_control import Distance, Facing, Limits, Route, Trajectories
 from crowd.scenario_styles import NORMAL, ClipName, Styles
 from crowd.scenario_types import Flag, Model, Name, NotNegative, Number, Point, Positive
 
-BUILT_IN = ("human", "dog", "hexapod")
+BUILT_IN = ("human", "dog", "hexapod", "spider")
 ASSET_SUFFIXES = (".glb", ".gltf", ".bvh", ".yaml", ".yml")
 MAX_CHARACTERS = 1_000_000
 # Names of arrays at the root of a recording, where each herd has a group of its own name.
@@ -165,7 +165,7 @@ class Herd(Model):
 
     name: Name
     archetype: Annotated[str, Field(min_length=1, max_length=1000)]
-    """human, dog, hexapod, or a .glb, .gltf, .bvh or rig description .yaml (relative to this file)."""
+    """human, dog, hexapod, spider, or a .glb, .gltf, .bvh or rig description .yaml (relative to this file)."""
     rig: str | dict[str, Any] | None = None
     """Rig description that overrides detection: a .yaml file or the mapping itself."""
     count: Count = 0

@@ -10,7 +10,7 @@ from crowd.errors import fail, nearest
 from crowd.scenario_styles import StyleNames
 from crowd.types import Archetype
 
-BUILT_IN = ("human", "dog", "hexapod")
+BUILT_IN = ("human", "dog", "hexapod", "spider")
 SUFFIXES = (".glb", ".gltf", ".bvh", ".yaml", ".yml")
 
 __all__ = ["BUILT_IN", "load"]

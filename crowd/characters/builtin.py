@@ -12,6 +12,7 @@ _BUILDERS = {
     "human": "crowd.characters.human",
     "dog": "crowd.characters.dog",
     "hexapod": "crowd.characters.hexapod",
+    "spider": "crowd.characters.spider",
 }
 NAMES = tuple(_BUILDERS)
 

@@ -24,6 +24,8 @@ GAITS = [
     ("dog", "walk_backwards"),
     ("hexapod", "walk"),
     ("hexapod", "run"),
+    ("spider", "walk"),
+    ("spider", "run"),
 ]
 WAY = {"walk_backwards": (0.0, -1.0), "side_left": (1.0, 0.0), "side_right": (-1.0, 0.0)}  # (x, z); others (0, 1)
 # Touchdown as a fraction of the cycle, legs in the archetype's order (front left, front right, ...).
@@ -40,6 +42,8 @@ TOUCHDOWN = {
     ("dog", "walk_backwards"): (0.25, 0.75, 0.0, 0.5),
     ("hexapod", "walk"): (0.0, 0.5, 0.5, 0.0, 0.0, 0.5),
     ("hexapod", "run"): (0.0, 0.5, 0.5, 0.0, 0.0, 0.5),
+    ("spider", "walk"): (0.5, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0, 0.5),
+    ("spider", "run"): (0.5, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0, 0.5),
 }
 DUTY = {  # the least and the most that is usual
     ("human", "walk"): (0.58, 0.64),
@@ -54,6 +58,8 @@ DUTY = {  # the least and the most that is usual
     ("dog", "walk_backwards"): (0.60, 0.75),
     ("hexapod", "walk"): (0.55, 0.65),
     ("hexapod", "run"): (0.40, 0.50),
+    ("spider", "walk"): (0.55, 0.65),
+    ("spider", "run"): (0.40, 0.50),
 }
 
 
@@ -119,7 +125,9 @@ def test_invariants_of_archetypes(name: str) -> None:
     assert all(a >= b - 0.05 for a, b in zip(front[:-2], front[2:], strict=True)), "front before hind"
 
 
-@pytest.mark.parametrize(("name", "least", "most"), [("human", 20, 25), ("dog", 25, 32), ("hexapod", 24, 36)])
+@pytest.mark.parametrize(
+    ("name", "least", "most"), [("human", 20, 25), ("dog", 25, 32), ("hexapod", 24, 36), ("spider", 32, 44)]
+)
 def test_sizes(name: str, least: int, most: int) -> None:
     character = build(name)
     assert least <= character.skeleton.count <= most
@@ -238,7 +246,7 @@ def test_sides_mirror_each_other_half_a_cycle_apart(name: str, gait: str) -> Non
     _, position = posed(character, clip_of(character, gait))
     other = np.roll(position, len(position) // 2, axis=0)[:, mirrored(character)] * np.array([-1.0, 1.0, 1.0])
     exact = [leg.ankle for leg in character.legs] + [leg.knee for leg in character.legs]
-    if name == "hexapod":  # antennae feel about on their own
+    if name in ("hexapod", "spider"):  # feelers move on their own
         assert np.abs(position - other)[:, exact].max() < 1e-6
     else:
         assert np.abs(position - other).max() < 1e-6
@@ -371,5 +379,5 @@ def test_feet_do_not_cross_in_side_steps() -> None:
 
 
 def test_wrong_name_is_told_the_nearest() -> None:
-    with pytest.raises(InputError, match=r"humna.*did you mean 'human'.*dog.*hexapod"):
+    with pytest.raises(InputError, match=r"humna.*did you mean 'human'.*dog.*hexapod.*spider"):
         build("humna")

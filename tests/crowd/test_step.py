@@ -8,7 +8,7 @@ import pytest
 from crowd import scene
 from tests.crowd.scenes import herd, run, scenario
 
-BUILT_IN = [("human", 1.3), ("human", 2.6), ("dog", 1.1), ("dog", 2.2), ("hexapod", 0.9)]
+BUILT_IN = [("human", 1.3), ("human", 2.6), ("dog", 1.1), ("dog", 2.2), ("hexapod", 0.9), ("spider", 0.8)]
 
 
 @pytest.fixture(scope="module")

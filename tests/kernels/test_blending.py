@@ -309,20 +309,19 @@ def test_samples_at_one_place_share(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("samples", [FAN, CORNER, RING, HUMAN])
+@pytest.mark.parametrize("samples", [CORNER, RING])
 def test_gradients(kind: str, samples: np.ndarray) -> None:
     """To the queries and to the samples, away from kinks."""
-    moved = samples + 0.05 * np.random.default_rng(3).normal(size=samples.shape) * (samples != 0).any(0)
+    moves = (samples != 0).any(0)  # an idle sample stays
+    moved = samples + 0.05 * np.random.default_rng(3).normal(size=samples.shape) * moves
     query = queries(np.random.default_rng(4), 7)
-    assert_gradients_agree(lambda q: KINDS[kind](moved, q), query)
-    steps = np.diag((moved != 0).any(0).astype(float))  # an idle sample stays
-    assert_gradients_agree(lambda d, q: KINDS[kind](moved + d @ steps, q), np.zeros_like(moved), query)
+    assert_gradients_agree(lambda d, q: KINDS[kind](moved + d * moves, q), np.zeros_like(moved), query)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("samples", [FAN, CORNER, RING, HUMAN, np.zeros((2, 2)), np.ones((2, 3)), FAN[:, :1]])
+@pytest.mark.parametrize("samples", [FAN, CORNER, RING, np.zeros((2, 3)), np.ones((2, 3)), FAN[:, :1], FAN[:, 1:2]])
 def test_gradients_are_finite(kind: str, samples: np.ndarray) -> None:
     """At standstill, next to it, at the samples and opposite to them."""
     near = np.array([(0, 0), (1e-30, 0), (1e-6, 1e-6), (2e-5, 0)]).T
-    for query in (near, samples, -samples, 1.001 * samples, 100 * samples):
-        assert_gradient_finite(KINDS[kind], samples, query)
+    query = np.concatenate([near, samples, -samples, 1.001 * samples, 100 * samples], 1)
+    assert_gradient_finite(lambda s, q: KINDS[kind](s, q) * np.arange(1.0, len(s[0]) + 1)[:, None], samples, query)
