@@ -23,6 +23,8 @@ GROUP = 6  # characters in a close-up
 # Degrees: azimuths from the direction of travel from which the crowd may be seen, and elevations.
 WIDE_AZIMUTHS, WIDE_ELEVATION = (40.0, 25.0, 10.0, 55.0, -20.0, -40.0), 17.0
 CLOSE_VIEW = (62.0, 9.0)
+ASIDE = (75.0, -75.0, 100.0, -100.0, 130.0)  # azimuths for ground that hides the crowd from the others
+CLEAR = 0.9  # share of the crowd that has to be seen
 WIDE_FOV, CLOSE_FOV = 24.0, 24.0
 # Linear colour and clarity (m) by density in kg/m3: water, mud, goo.
 FLUIDS = ((1000.0, (0.008, 0.12, 0.23), 1.3), (1840.0, (0.15, 0.085, 0.045), 0.32), (2750.0, (0.09, 0.19, 0.025), 0.45))
@@ -83,16 +85,52 @@ def travel_azimuth(run: Any, scene: SceneLike, frames: Sequence[int]) -> float:
     return float(np.degrees(np.arctan2(mean[0], mean[2]))) if np.hypot(mean[0], mean[2]) > 1e-3 else 0.0
 
 
-def wide_azimuth(run: Any, scene: SceneLike, frame: int, size: tuple[int, int], travel: float) -> float:
-    """Azimuth in degrees, from the front, from which the smallest herd in the picture of the whole crowd is largest."""
+def seen(scene: SceneLike, eye: Sequence[float], points: np.ndarray) -> float:
+    """Share of the points [P, 3] that no ground hides from the eye."""
+    share = np.linspace(0.02, 0.98, 64)[:, None]
+    x, y, z = (eye[axis] + (points[:, axis] - eye[axis]) * share for axis in range(3))
+    return float(np.mean((scene.ground(x, z) < y).all(0)))
+
+
+def clear_azimuth(
+    run: Any, scene: SceneLike, herds: Sequence[Any], frames: Sequence[int], size: tuple[int, int],
+    turns: Sequence[float], view: tuple[float, float], travel: float,
+) -> list[float]:  # fmt: skip
+    """Those of the azimuths, as turns from the direction of travel, from which the ground hides the herds least.
+
+    view: elevation and field of view, degrees. All turns that always show nearly everybody; when none does, the one of
+    them or of ASIDE that shows most at the worst moment.
+    """
+    up = np.array([0.0, 0.2, 0.0])
+
+    def share(turn: float) -> float:
+        shares = []
+        for frame in frames:
+            points = np.concatenate([np.asarray(run.herds[herd.name]["position"][frame], float) for herd in herds])
+            points = points[np.isfinite(points).all(1)][:: max(1, len(points) // 200)] + up
+            if len(points):
+                shares.append(seen(scene, framing(points, size, travel + turn, *view, 0.04).eye, points))
+        return min(shares, default=1.0)
+
+    clear = [turn for turn in turns if share(turn) >= CLEAR]
+    return clear or [max((*turns, *ASIDE), key=share)]
+
+
+def wide_azimuth(run: Any, scene: SceneLike, frames: Sequence[int], size: tuple[int, int], travel: float) -> float:
+    """Azimuth in degrees, from the front, from which the smallest herd in the picture of the whole crowd is largest.
+
+    Only of those from which the ground does not hide the crowd.
+    """
+    frame = frames[len(frames) // 2]
     herds = [np.asarray(run.herds[herd.name]["position"][frame], float) for herd in scene.herds]
     points = np.concatenate(herds)
+    turns = clear_azimuth(run, scene, scene.herds, frames, size, WIDE_AZIMUTHS, (WIDE_ELEVATION, WIDE_FOV), travel)
 
     def size_of_smallest(turn: float) -> float:
         camera = framing(points, size, travel + turn, WIDE_ELEVATION, WIDE_FOV, 0.04)
         return min(1.0 / float(np.nanmedian(camera.view(herd)[:, 2])) for herd in herds)
 
-    return travel + max(WIDE_AZIMUTHS, key=size_of_smallest)
+    return travel + max(turns, key=size_of_smallest)
 
 
 def close_group(run: Any, scene: SceneLike, herd: HerdLike, frames: Sequence[int]) -> np.ndarray:
@@ -140,15 +178,16 @@ def crowd_pictures(
     herd = next((each for each in scene.herds if each.name == follow), scene.herds[0])
     near_size = (max(size[0] * 3 // 5, 1), size[1])
     azimuth, group = travel_azimuth(run, scene, frames), close_group(run, scene, herd, frames)
-
-    around = wide_azimuth(run, scene, frames[len(frames) // 2], size, azimuth)
+    around = wide_azimuth(run, scene, frames, size, azimuth)
+    view = CLOSE_VIEW[1], CLOSE_FOV
+    beside = azimuth + clear_azimuth(run, scene, [herd], frames, near_size, CLOSE_VIEW[:1], view, azimuth)[0]
 
     def shot(frame: int) -> tuple[float, Image.Image, Image.Image]:
         geometry = geometry_at(run, scene, frame)
         everybody = np.concatenate([body.vertices.reshape(-1, 3) for body in geometry.bodies])
         wide = framing(everybody, size, around, WIDE_ELEVATION, WIDE_FOV, margin=0.04)
         some = np.concatenate([vertices_at(herd, run.herds[herd.name], frame, slice(k, k + 1)) for k in group.tolist()])
-        near = framing(some, near_size, azimuth + CLOSE_VIEW[0], CLOSE_VIEW[1], CLOSE_FOV, margin=0.07)
+        near = framing(some, near_size, beside, CLOSE_VIEW[1], CLOSE_FOV, margin=0.07)
         close = clear_view(geometry, near, some.mean(1))
         return float(run.time[frame]), draw(geometry, wide, size), draw(close, near, near_size)
 

@@ -151,7 +151,7 @@ DEGREES = {"dx": 0.001, "dy": 0.002, "xmin": 8.0, "xmax": 8.004, "ymin": 60.006,
         ({"dx": 30.0, "dy": -25.0, "xmin": 5e5, "xmax": 5e5 + 120, "ymin": 4e6, "ymax": 4e6 + 75}, (30, 25)),
     ],
 )
-def test_archive_says_its_cell(said: dict[str, float], cell: tuple[float, float], tmp_path: Path) -> None:
+def test_archive_says_its_cell(said: dict[str, Any], cell: tuple[float, float], tmp_path: Path) -> None:
     np.savez(tmp_path / "dem.npz", elevation=np.zeros((4, 5)), **said)
     here = ground(tmp_path, kind="heightmap", file="dem.npz")
     np.testing.assert_allclose(-here.layers[0].cell, cell, rtol=1e-4)
@@ -170,7 +170,7 @@ def test_archive_says_its_cell(said: dict[str, float], cell: tuple[float, float]
         ({"dx": 0.0, "dy": 1.0}, "no size of a cell"),
     ],
 )
-def test_archive_whose_cell_is_not_clear(said: dict[str, float], says: str, tmp_path: Path) -> None:
+def test_archive_whose_cell_is_not_clear(said: dict[str, Any], says: str, tmp_path: Path) -> None:
     np.savez(tmp_path / "dem.npz", elevation=np.zeros((4, 5)), **said)
     with pytest.raises(InputError, match=says):
         ground(tmp_path, kind="heightmap", file="dem.npz")

@@ -9,6 +9,7 @@ import pytest
 
 from crowd.ground_layer import heights
 from crowd.view.camera import Camera
+from crowd.view.crowd_picture import seen
 from crowd.view.geometry import Geometry, collect
 from crowd.view.ground_sheets import DECK, Sheet, clipped, ground_sheets
 from tests.crowd.grounds import KINDS, made
@@ -103,3 +104,15 @@ def test_order_of_triangles(tmp_path: Path) -> None:
     assert 0 == found.ground < found.lowest < len(found.corners)
     assert np.abs(found.corners[: found.lowest, :, [0, 2]]).max() <= 8.0
     assert np.isfinite(found.normals).all()
+
+
+def test_ground_hides_what_is_behind_it() -> None:
+    class Scene:
+        herds = ()
+
+        def ground(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
+            return np.where(np.abs(z) < 1, 3.0, 0.0)  # a wall along x
+
+    points = np.array([[0.0, 0.5, -4], [1, 0.5, -4], [0, 0.5, 4], [0, 3.5, 0]])
+    assert seen(Scene(), (0.0, 2.0, 9.0), points) == 0.5
+    assert seen(Scene(), (0.0, 30.0, 9.0), points) == 1.0
