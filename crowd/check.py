@@ -91,7 +91,8 @@ def _needs(scene: Scene, herd: HerdScene, frames: int) -> HerdNeeds:
     padded = math.ceil(herd.count / TILE) * TILE
     # Parameters and state of every character, a chunk of recorded frames on the device and its copy on the host, and
     # one frame of one tile: poses, palette, skinned vertices and the drag of every triangle.
-    lasting = 4 * padded * (100 + 40 * legs)
+    trajectory = 0 if herd.track is None else 5 * len(herd.track.place)
+    lasting = 4 * padded * (100 + 40 * legs + trajectory)
     chunk = 2 * recording_bytes(padded, joints, legs, min(recorded, CHUNK), pose)
     tile = 4 * TILE * (24 * joints + 9 * len(archetype.mesh.vertices) + 12 * len(archetype.mesh.triangles))
     x, z = herd.points.T

@@ -14,7 +14,7 @@ from crowd.scenario_control import Route
 from crowd.scenario_herd import Herd
 from crowd.tracks import Track
 
-JOIN = 1.0  # m further along the curve: a character that is not on it yet starts out in that direction
+JOIN, TANGENT = 1.0, 0.1  # m further on along the curve, where characters start out to: from beside it, or on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +59,9 @@ def _on_curve(route: Route, count: int, points: np.ndarray) -> Start:
     else:
         offset = points - points.mean(0) if formation(route) else np.zeros((count, 2))
         along = np.full(count, min(first, curve.length)) if first is not None else curve.nearest(points - offset)
-    way = curve.at(along + JOIN) + offset - points
+    join = TANGENT if route.along == "spread" else JOIN
+    way = curve.at(along + join) + offset - points
     if not curve.closed:  # nearly at the end: as the curve ends
-        ends = np.hypot(*way.T) < 0.1 * JOIN
+        ends = np.hypot(*way.T) < 0.1 * join
         way[ends] = curve.points[-1] - curve.points[-2]
     return Start(points, np.arctan2(way[:, 0], way[:, 1]), curve, along)

@@ -93,11 +93,9 @@ def test_reset_and_resume(stepper: crowd.Stepper) -> None:
         ({"velocity": {"people": np.zeros((2, 2))}}, "shape (2, 2): must be (3, 2) or (3, 3) for 3 characters"),
         ({"facing": {"dogs": np.zeros((2, 1))}}, "facing['dogs']: shape (2, 1): must be (2,)"),
         ({"velocity": {"people": [["a", "b"]] * 3}}, "must be an array of numbers"),
-        ({"velocity": np.zeros((3, 2))}, "velocity: a ndarray: must be a mapping"),
         ({"velocity": {"people": np.full((3, 2), np.inf)}}, "must be finite"),
         ({"velocity": {"people": np.full((3, 2), 99.0)}}, "at most 15 m/s"),
         ({"frames": 0}, "frames: 0: must be a whole number from 1"),
-        ({"frames": 1.5}, "frames: 1.5: must be a whole number"),
     ],
 )
 def test_bad_calls_are_told_and_change_nothing(stepper: crowd.Stepper, call: dict[str, Any], says: str) -> None:

@@ -203,7 +203,8 @@ def test_characters_stand_before_and_after(tmp_path: Path) -> None:
     arrays = run(model([herd(str(tmp_path / "ways.csv"))]), 8.0)["p"]
     z = arrays["position"][:, :, 2]
     assert np.ptp(z[:50, 0]) < 0.01
-    np.testing.assert_allclose(z[180, 0], 2.4, atol=0.05)
+    np.testing.assert_allclose(z[179, 0], 2.4, atol=0.15)  # it side-steps, which takes longer to set out
+    np.testing.assert_allclose(z[179, 1], 3.6, atol=0.03)
     np.testing.assert_allclose(z[-1], [4.8, 7.2], atol=0.02)
     assert np.abs(arrays["velocity"][-1]).max() < 0.01
     np.testing.assert_allclose(np.degrees(arrays["yaw"][100:, 0]), 90.0, atol=0.5)
