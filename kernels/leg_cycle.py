@@ -16,6 +16,7 @@ from kernels.vec import TINY, smoothstep
 
 STANCE, LIFT, FLIGHT, LAND = 0, 1, 2, 3  # phases of a foot; the steps between them are the foot events
 UNPARK_UNTIL = 0.67  # of the designated cycle: later a resting leg waits for the next one
+CATCH_UP = 0.08  # cycles: the least time that a late step is given until its strike
 
 
 class KeyTimes(NamedTuple):
@@ -110,14 +111,18 @@ def parking(
     turn: Float[Array, "legs *b"],
     least_distance: Float[Array, "*#b"],
     least_turn: Float[Array, "*#b"],
+    strike: Float[Array, "legs *b"],
 ) -> tuple[Bool[Array, "legs *b"], Float[Array, "legs *b"]]:
     """Which legs rest, and their own time (4.6). distance m and turn rad: of the step that would be taken.
 
     A leg rests when its new step is too small to be worth it. It sets out, and catches up, as soon as the step that it
-    would take has grown, unless the cycle is too far gone.
+    would take has grown, unless the cycle is too far gone. In the original that is at 0.67 even where the foot strikes
+    earlier (long stances, backwards clips), and the foot then jumps to its print. Never before 0.5: of two legs in
+    turn one can always set out.
     """
     worth = (distance > least_distance) | (turn > least_turn)
-    parked = jnp.where(cycle.begins, ~worth, was_parked & ~(worth & (cycle.designated < UNPARK_UNTIL)))
+    until = jnp.clip(strike - CATCH_UP, 0.5, UNPARK_UNTIL)
+    parked = jnp.where(cycle.begins, ~worth, was_parked & ~(worth & (cycle.designated < until)))
     return parked, jnp.where(parked, 0.0, cycle.time)
 
 

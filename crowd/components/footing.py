@@ -200,7 +200,8 @@ def _legs(
     distance = jnp.sqrt(way[0] * way[0] + way[2] * way[2] + TINY)
     turn = jnp.abs(controllers.wrap(ahead.yaw - behind.yaw))
     parked, time = leg_cycle.parking(
-        cycle, own.parked, distance, turn, control.least_step * character.scale, 0.5 * control.most_turn
-    )
+        cycle, own.parked, distance, turn, control.least_step * character.scale, 0.5 * control.most_turn,
+        blend.keys.strike,
+    )  # fmt: skip
     phase = leg_cycle.foot_phase(own.phase, time, blend.keys)
     return dict(time=time, parked=parked, phase=phase, steps=own.steps + taken.astype(jnp.int32))

@@ -53,6 +53,24 @@ def assert_matches(
     assert_close(in_single(function, *arguments), expected, single)
 
 
+def assert_matches_in_batches(
+    function: Callable[..., Any], expected: Any, *arguments: Any, double: float = 1e-9, single: float = 2e-6
+) -> None:
+    """The same at every batch shape; leaves of expected and arguments are [..., 6]. One program for all shapes."""
+
+    def shaped(tree: Any) -> list[Any]:
+        def cut(batch: tuple[int, ...]) -> Any:
+            count = int(np.prod(batch))
+            return jax.tree.map(lambda x: x[..., :count].reshape((*x.shape[:-1], *batch)), tree)
+
+        return [cut(batch) for batch in BATCHES]
+
+    def everywhere(*arguments: Any) -> list[Any]:
+        return [function(*each) for each in shaped(arguments)]
+
+    assert_matches(everywhere, shaped(expected), *arguments, double=double, single=single)
+
+
 def assert_gradients_agree(
     function: Callable[..., Any], *arguments: Any, seed: int = 0, step: float = 1e-6, tolerance: float = 1e-5
 ) -> None:
