@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Any
 from crowd.errors import InputError
 
 if TYPE_CHECKING:
+    from crowd.footfalls import foot_events
     from crowd.live import Stepper, stepper
     from crowd.scene import Scene, load
     from crowd.simulate import Result, simulate
 
 __version__ = "0.1.0"
-__all__ = ["InputError", "Result", "Scene", "Stepper", "__version__", "load", "simulate", "stepper"]
+__all__ = ["InputError", "Result", "Scene", "Stepper", "__version__", "foot_events", "load", "simulate", "stepper"]
 
 # What brings JAX, which `import crowd` need not wait for: name -> module.
 _LAZY = {
@@ -26,6 +27,7 @@ _LAZY = {
     "Scene": "crowd.scene",
     "simulate": "crowd.simulate",
     "Result": "crowd.simulate",
+    "foot_events": "crowd.footfalls",
     "stepper": "crowd.live",
     "Stepper": "crowd.live",
 }

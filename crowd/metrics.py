@@ -13,7 +13,8 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from crowd import posing
+from crowd import metrics_gait, posing
+from crowd.metrics_gait import Ground
 from crowd.recorded_scene import HerdLike, SceneLike
 from crowd.stances import find_stances, flat_travel, strides, to_measure, travel
 
@@ -51,7 +52,7 @@ class RunLike(Protocol):
     def herds(self) -> Mapping[str, Any]: ...
 
 
-def measure(run: RunLike, most: int = MOST_CHARACTERS) -> list[Row]:
+def measure(run: RunLike, most: int = MOST_CHARACTERS, ground: Ground | None = None) -> list[Row]:
     """All measures of a run; quantities without a sample (drag of a dry herd) are left out.
 
     foot_slide_handle, _sole, _ankle (mm per stance): the planted foot handle's largest distance from where it was
@@ -60,14 +61,21 @@ def measure(run: RunLike, most: int = MOST_CHARACTERS) -> list[Row]:
     drag_force (N), drag_power (W), lean (deg): per character, mean over time. step_length (m): half a stride, per
     stride; step_frequency (1/s): per character. over_reach (mm): largest per character; over_reach_share: frames and
     legs out of reach by more than 1 mm. faults: characters that were frozen.
+
+    Of semi-procedural herds also foot_slide_footbase, penetration_stance, penetration_flight (mm, each at its deepest
+    in a stance or flight, see `crowd.metrics_gait`) and parked_share (of legs and frames, per character).
+
+    ground (x, z, altitude): exact heights for the penetration; default the run's own scene if that is a live one. A
+    recording by itself holds only a coarse grid of heights and says nothing about it.
     """
     rows: list[Row] = []
     scene: SceneLike = run.scene
+    exact = ground or (getattr(scene, "ground", None) if hasattr(scene, "terrain") else None)
     for herd in scene.herds:
         samples: dict[tuple[str, str, str], list[np.ndarray]] = {}
         for part in _blocks(herd.count, len(run.time), len(herd.archetype.legs), most):
             arrays = _Reader(run.herds[herd.name], part)
-            for quantity, unit, band, values in _block(herd, part, arrays, np.asarray(run.time)):
+            for quantity, unit, band, values in _block(herd, part, arrays, np.asarray(run.time), exact):
                 samples.setdefault((band, quantity, unit), []).append(values)
         for (band, quantity, unit), values in samples.items():
             row = _row(herd.name, band, quantity, unit, np.concatenate(values))
@@ -140,6 +148,9 @@ class _Reader:
     def __getitem__(self, name: str) -> np.ndarray:
         return np.asarray(self._herd[name][:, self._part])
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._herd
+
 
 def _blocks(count: int, frames: int, legs: int, most: int) -> Iterator[slice]:
     """Characters to read together; of more than `most` an even selection."""
@@ -152,7 +163,7 @@ def _blocks(count: int, frames: int, legs: int, most: int) -> Iterator[slice]:
 Sample = tuple[str, str, str, np.ndarray]  # quantity, unit, band, values
 
 
-def _block(herd: HerdLike, part: slice, arrays: _Reader, time: np.ndarray) -> Iterator[Sample]:
+def _block(herd: HerdLike, part: slice, arrays: _Reader, time: np.ndarray, ground: Ground | None) -> Iterator[Sample]:
     """Samples of all quantities of some characters."""
     fault = arrays["fault"]
     alive = fault == 0
@@ -164,6 +175,8 @@ def _block(herd: HerdLike, part: slice, arrays: _Reader, time: np.ndarray) -> It
     band = np.where(depth <= 0, 0, np.where(depth <= 0.5 * hips, 1, np.where(depth <= hips, 2, 3)))
     band = np.where(alive, band, -1)
     yield from _feet(arrays, alive, band, np.asarray(herd.scale, float)[part], time)
+    if "foot_phase" in arrays:
+        yield from _gait(arrays, alive, band, ground)
     yield from _body(arrays, alive, band)
 
 
@@ -188,6 +201,14 @@ def _feet(arrays: _Reader, alive: np.ndarray, band: np.ndarray, size: np.ndarray
     if reach.shape[2]:
         yield "over_reach", "mm", "all", 1000 * reach.max((0, 2))
         yield "over_reach_share", "1", "all", (reach > OVER_REACH).mean((0, 2))
+
+
+def _gait(arrays: _Reader, alive: np.ndarray, band: np.ndarray, ground: Ground | None) -> Iterator[Sample]:
+    """What only the semi-procedural gait shows."""
+    for quantity, values, stances in metrics_gait.per_stance(arrays, alive, ground):
+        middle = band[(stances.first + stances.last) // 2, stances.character]
+        yield from _by_band(quantity, "mm", 1000 * values, middle)
+    yield "parked_share", "1", "all", metrics_gait.parked_share(arrays, alive)
 
 
 def _by_band(quantity: str, unit: str, values: np.ndarray, band: np.ndarray) -> Iterator[Sample]:

@@ -11,7 +11,7 @@ import numpy as np
 import zarr
 
 from crowd.errors import fail
-from crowd.recorded_scene import RecordedHerd, RecordedScene, grid_heights
+from crowd.recorded_scene import RecordedHerd, RecordedMotion, RecordedScene, grid_heights
 from crowd.recording_layout import FORMAT, GROUND, HERD, ROOT
 from crowd.types import Archetype, Leg, Mesh, Skeleton
 
@@ -159,4 +159,8 @@ def _herd(name: str, group: zarr.Group, count: int) -> RecordedHerd:
         about["mass"],
         about["source"],
     )
-    return RecordedHerd(name, archetype, count, read("scale"), read("mass"), read("reference_speed"))
+    motions: tuple[RecordedMotion, ...] = ()
+    if "motion" in group:
+        tables = (read("motion"), read("motion_velocity"), read("motion_keys"))
+        motions = tuple(RecordedMotion(str(motion), *values) for motion, *values in zip(*tables, strict=True))
+    return RecordedHerd(name, archetype, count, read("scale"), read("mass"), read("reference_speed"), motions)

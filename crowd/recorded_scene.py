@@ -41,6 +41,15 @@ class SceneLike(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
+class RecordedMotion:
+    """What a recording says of an analysed motion. Its poses are not recorded."""
+
+    name: str
+    velocity: np.ndarray  # [3] m/s at scale 1, character frame
+    keytimes: np.ndarray  # [L, 6] lift, liftoff, postlift, preland, strike, land, in cycles since stance
+
+
+@dataclass(frozen=True, eq=False)
 class RecordedHerd:
     """A herd read back from a recording. Clips are not recorded."""
 
@@ -50,6 +59,7 @@ class RecordedHerd:
     scale: np.ndarray
     mass: np.ndarray
     reference_speed: np.ndarray
+    motions: tuple[RecordedMotion, ...] = ()  # of a semi-procedural herd
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +74,11 @@ class RecordedScene:
     def ground(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Height in m of the ground at x, z, bilinear between the recorded samples, level beyond them."""
         return self.heights(x, z)
+
+
+def motions_of(herd: HerdLike) -> tuple[Any, ...]:
+    """Analysed motions of a herd, each with name, velocity and keytimes; none unless it is a semi-procedural one."""
+    return tuple(getattr(herd, "motions", ()))
 
 
 def levels_of(scene: SceneLike) -> list[dict[str, Any]]:

@@ -20,7 +20,7 @@ import zarr
 from zarr.codecs import BloscCodec
 
 from crowd.errors import fail
-from crowd.recorded_scene import HerdLike, SceneLike, levels_of
+from crowd.recorded_scene import HerdLike, SceneLike, levels_of, motions_of
 from crowd.recording_layout import FORMAT, GROUND, HERD, LABELS, ROOT, SIZES, STATIC_MEANINGS, STATIC_UNITS, Column
 from crowd.scenario_herd import TAKEN_NAMES
 
@@ -127,7 +127,7 @@ class Recorder:
         return data
 
     def _herd_columns(self, herd: HerdLike) -> dict[str, Column]:
-        strides = bool(_motions(herd))
+        strides = bool(motions_of(herd))
         kept = {name: column for name, column in HERD.items() if self.pose or not column.optional}
         return {name: column for name, column in kept.items() if strides or not column.strides}
 
@@ -241,12 +241,7 @@ def _refuse_names(scene: SceneLike) -> None:
 
 def _sizes(herd: HerdLike) -> dict[str, int]:
     legs, joints = len(herd.archetype.legs), herd.archetype.skeleton.count
-    return SIZES | {"character": herd.count, "leg": legs, "joint": joints, "motion": len(_motions(herd))}
-
-
-def _motions(herd: HerdLike) -> Sequence[Any]:
-    """Analysed motions of a herd; none unless it walks by the semi-procedural system."""
-    return getattr(herd, "motions", ())
+    return SIZES | {"character": herd.count, "leg": legs, "joint": joints, "motion": len(motions_of(herd))}
 
 
 def _growing(group: zarr.Group, name: str, column: Column, sizes: dict[str, int], span: int) -> zarr.Array:
@@ -312,11 +307,11 @@ def _write_herd(group: zarr.Group, herd: HerdLike, first: int) -> None:
     _labels(group, ("component", "quaternion"))
     _fixed(group, "joint", _strings(skeleton.names), ("joint",))
     _fixed(group, "leg", _strings([leg.name for leg in archetype.legs]), ("leg",))
-    if _motions(herd):
-        _fixed(group, "motion", _strings([motion.name for motion in _motions(herd)]), ("motion",))
-        velocity = np.array([motion.velocity for motion in _motions(herd)])
+    if motions := motions_of(herd):
+        _fixed(group, "motion", _strings([motion.name for motion in motions]), ("motion",))
+        velocity = np.array([motion.velocity for motion in motions])
         _fixed(group, "motion_velocity", velocity, ("motion", "component"), "m s-1", "of each motion at scale 1")
-        keys = np.array([motion.keytimes for motion in _motions(herd)])
+        keys = np.array([motion.keytimes for motion in motions])
         _fixed(group, "motion_keys", keys, ("motion", "leg", "key"), "1", "cycles since stance")
         _fixed(group, "key", _strings(KEYS), ("key",))
     for name, unit in STATIC_UNITS.items():

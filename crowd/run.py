@@ -184,7 +184,7 @@ def _evaluate(scene: Scene, out: Path) -> None:
     from crowd.report import write_report
 
     recording = open_recording(out / RECORDING)
-    rows = measure(recording)
+    rows = measure(recording, ground=scene.ground)
     metrics = write_metrics(rows, out / METRICS)
     for stale in (out / REPORT).glob("*.png"):
         stale.unlink()

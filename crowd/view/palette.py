@@ -7,6 +7,7 @@ import numpy as np
 # sRGB. Ordered so that the first ones stand out from ground and water.
 HERD_COLORS = ("#d55e00", "#009e73", "#cc79a7", "#f0e442", "#0072b2", "#e69f00", "#56b4e9", "#8c8c8c")
 LEFT, RIGHT = "#0072b2", "#d55e00"
+LEG_COLORS = (LEFT, RIGHT, "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#8c8c8c", "#a89c00")
 INK, QUIET, GRID = "#1f2933", "#6b7785", "#d9dee4"
 
 
@@ -23,6 +24,11 @@ def linear(color: np.ndarray) -> np.ndarray:
 def herd_color(index: int) -> str:
     """Colour of the herd with this index; repeats after eight."""
     return HERD_COLORS[index % len(HERD_COLORS)]
+
+
+def leg_color(index: int) -> str:
+    """Colour of the leg with this index, left before right; repeats after eight."""
+    return LEG_COLORS[index % len(LEG_COLORS)]
 
 
 def character_colors(index: int, count: int) -> np.ndarray:

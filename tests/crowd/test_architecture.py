@@ -48,7 +48,7 @@ ROOMS: list[tuple[str, ...]] = [
     ("crowd.step",),
     ("crowd.unpack",),
     ("crowd.simulate", "crowd.live", "crowd.compile_cache"),
-    ("crowd.record*", "crowd.stances", "crowd.metrics"),
+    ("crowd.record*", "crowd.stances", "crowd.metrics*", "crowd.footfalls"),
     ("crowd.view",),
     ("crowd.report*", "crowd.export"),
     ("crowd.analyze", "crowd.check", "crowd.doctor", "crowd.run", "crowd.rig"),

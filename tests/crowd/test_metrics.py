@@ -14,6 +14,7 @@ from crowd.metrics import measure, print_metrics, whole_cycles, write_metrics
 from crowd.recorded import open_recording
 from crowd.recording import Recorder
 from crowd.stances import find_stances, flat_travel, strides, to_measure, travel
+from tests.crowd.made_strides import DIP, UNDER, striding
 
 
 def table(run, **options) -> dict[tuple[str, str, str], metrics.Row]:
@@ -66,6 +67,44 @@ def test_reach_and_faults(made_result):
     rows = table(dataclasses.replace(made_result, herds=broken))
     assert rows["ones", "all", "faults"].mean == pytest.approx(1 / 3)
     assert np.isfinite(rows["ones", "all", "foot_slide_sole"].max)
+
+
+def test_penetration_and_rest(made_result):
+    made = striding(made_result)
+    rows = table(made, ground=lambda x, z, altitude: made.scene.ground(x, z))
+    stance, flight = (rows["ones", "all", f"penetration_{name}"] for name in ("stance", "flight"))
+    assert (stance.mean, stance.max) == pytest.approx((1000 * UNDER["heel"],) * 2)  # the heel lies deeper than the toe
+    assert (flight.mean, flight.max) == pytest.approx((1000 * DIP,) * 2)
+    # Whole stances as above; flights: left feet at 0.6, 1.6, 2.6 (3.6 not over), right feet at 0.1, 1.1, 2.1, 3.1.
+    assert (stance.n, flight.n) == (3 * 6, 3 * 7)
+    drift = rows["ones", "all", "foot_slide_footbase"]
+    assert (drift.mean, drift.n) == (pytest.approx(4 * 11 / 12, rel=1e-6), 3 * 6)
+    rests = rows["ones", "all", "parked_share"]
+    assert (rests.mean, rests.max, rests.n) == (pytest.approx(1 / 6), pytest.approx(0.5), 3)
+    assert ("twos", "all", "parked_share") not in rows
+
+
+def test_penetration_asks_for_the_level_of_the_character(made_result):
+    made = striding(made_result)
+    asked = []
+
+    def ground(x, z, altitude):
+        asked.append(altitude + 0 * x)
+        return made.scene.ground(x, z)
+
+    measure(made, ground=ground)
+    position = made.herds["ones"]["position"][..., 1, None]
+    assert np.allclose(asked[0], np.broadcast_to(position, asked[0].shape))
+    # A recorded ground is only a coarse grid: it says nothing about millimetres.
+    assert ("ones", "all", "penetration_stance") not in table(made)
+    broken = {name: dict(herd) for name, herd in made.herds.items()}
+    broken["ones"]["heel"] = broken["ones"]["heel"].copy()
+    broken["ones"]["heel"][40:, 1] = np.nan
+    broken["ones"]["fault"] = broken["ones"]["fault"].copy()
+    broken["ones"]["fault"][40:, 1] = 1
+    rows = table(dataclasses.replace(made, herds=broken), ground=ground)
+    assert rows["ones", "all", "penetration_stance"].max == pytest.approx(1000 * UNDER["heel"])
+    assert rows["ones", "all", "penetration_stance"].n < 18
 
 
 def test_bands_follow_the_hips(made_result):
