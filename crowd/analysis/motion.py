@@ -49,7 +49,7 @@ class Motion:
     cycle_offset: float  # cycles, added to the clip's phases by alignment
     stance_time: np.ndarray  # [L] on the common clock, [0, 1]; 1 is 0 again
     keytimes: np.ndarray  # [L, 6] lift, liftoff, postlift, preland, strike, land, in leg-cycle time
-    stance_position: np.ndarray  # [L, 3] m, footbase at the stance time, y = 0
+    stance_position: np.ndarray  # [L, 3] m, footbase at the stance time of a body that travels evenly, y = 0
     foot_vector: np.ndarray  # [L, 3] m, heel to toe at the stance time, horizontal
     flight: np.ndarray  # [50, L, 3] normalised footbase over leg-cycle time: x, y in m, z 0..1 of a stride
     analysis: MotionAnalysis  # of the samples; of the clip as it is, also for a twin
@@ -166,6 +166,7 @@ def _planted(
         stance = planting.stance_index(leg, start, duty)
         times = planting.key_times(leg, stance, start, duty, GROUND)
         moved = _with_stance(leg, foot, stance, times)
+        moved = replace(moved, stance_position=_stance_place(moved, times, stances.direction * distance))
         table = flight_table(moved.footbase, stance, times[1], times[4], stances.direction, distance)
         legs.append(replace(moved, normalised_footbase=table))
     velocity = stances.direction * stances.speed
@@ -208,6 +209,19 @@ def _with_stance(leg: LegAnalysis, foot: Foot, stance: int, times: np.ndarray) -
         direction=-hat(slide),
         **dict(zip(KEYTIMES, (float(t) for t in times), strict=True)),
     )
+
+
+def _stance_place(leg: LegAnalysis, times: np.ndarray, way: np.ndarray) -> np.ndarray:
+    """[3] where the foot stands at its stance time, for a body that travels evenly by `way` [3] a cycle; y = 0.
+
+    The mean over the stance of where it is, less what the body has travelled. On clips whose bodies travel evenly every
+    sample says the same; on those that surge or pause one sample would put all strides too far ahead or behind.
+    """
+    since = np.mod(np.arange(SAMPLES) - leg.stance_index, SAMPLES) / SAMPLES
+    stands = (since <= times[1]) | (since >= times[4])
+    since = np.where(since >= times[4], since - 1.0, since)
+    place = leg.footbase[:SAMPLES] + since[:, None] * way
+    return place[stands].mean(0) * [1.0, 0.0, 1.0]
 
 
 def _motion(clip: Clip, found: MotionAnalysis, strides: int, notes: list[str], kind: Kind, compat: bool) -> Motion:
