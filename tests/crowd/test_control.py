@@ -70,7 +70,7 @@ def test_limits_bound_what_the_body_does(rates: dict[int, dict[str, np.ndarray]]
     assert angle(arrays["yaw"][-1, 0]) == pytest.approx(-90.0, abs=1.0)
     assert speed[-1] < 1e-3
     # what was asked for stays what was asked for
-    np.testing.assert_array_equal(arrays["desired_velocity"][35, 0], np.float32([0.0, 0.0, 1.4]))
+    np.testing.assert_array_equal(arrays["desired_velocity"][35, 0], np.array([0.0, 0.0, 1.4], np.float32))
 
 
 def test_without_limits_the_command_is_what_is_asked_for() -> None:

@@ -33,7 +33,9 @@ def test_spline_passes_its_points_without_corners(
     fine = turns(curves.spline(np.array(points), closed), closed)
     assert np.abs(fine).max() < 0.05  # a corner keeps its angle, however finely it is sampled
     gap = np.linalg.norm(np.diff(curve.points, axis=0), axis=1)
-    np.testing.assert_allclose(gap, curve.length / (len(curve.points) - 1), rtol=0.02)
+    step = curve.length / (len(curve.points) - 1)
+    assert gap.max() < 1.001 * step  # chords: a little shorter in tight turns
+    assert gap.mean() > 0.99 * step
     assert curve.closed == closed
     ends = np.linalg.norm(curve.points[-1] - curve.points[0])
     assert (ends == 0.0) if closed else ends == pytest.approx(np.linalg.norm(np.subtract(points[-1], points[0])))

@@ -206,6 +206,7 @@ def test_characters_stand_before_and_after(tmp_path: Path) -> None:
     np.testing.assert_allclose(z[179, 0], 2.4, atol=0.15)  # it side-steps, which takes longer to set out
     np.testing.assert_allclose(z[179, 1], 3.6, atol=0.03)
     np.testing.assert_allclose(z[-1], [4.8, 7.2], atol=0.02)
-    assert np.abs(arrays["velocity"][-1]).max() < 0.01
+    assert np.abs(arrays["velocity"][-1, 0]).max() < 0.1  # and to settle: bodies give way sideways
+    assert np.abs(arrays["velocity"][-1, 1]).max() < 0.01
     np.testing.assert_allclose(np.degrees(arrays["yaw"][100:, 0]), 90.0, atol=0.5)
     np.testing.assert_allclose(np.degrees(arrays["yaw"][100:, 1]), 0.0, atol=0.5)

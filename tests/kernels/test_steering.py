@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -15,6 +18,20 @@ from tests.kernels.checks import (
     in_double,
     in_single,
 )
+
+
+def limited(dt: float) -> Callable[..., Any]:
+    """`approach` over dt."""
+
+    def over(command: Any, desired: Any, up: Any, down: Any) -> Any:
+        return steering.approach(command, desired, up, down, dt)
+
+    return over
+
+
+def halfway(tangent: Any, soon: Any, off: Any, late: Any) -> Any:
+    """`pursuit` with half of the lag as preview."""
+    return steering.pursuit(tangent, soon, off, late, 0.5)
 
 
 def small_steps(
@@ -45,36 +62,36 @@ def test_approach_is_what_small_steps_do(batch: tuple[int, ...]) -> None:
     for dt in (0.05, 0.6, 3.0):
         command, desired, up, down = velocities(3, batch)
         expected = small_steps(command, desired, up, down, dt)
-        found = in_double(lambda *now, dt=dt: steering.approach(*now, dt), command, desired, up, down)
+        found = in_double(limited(dt), command, desired, up, down)
         assert_close(found, expected, 2e-3)
     if batch == BATCHES[-1]:
-        assert_gradients_agree(lambda *now: steering.approach(*now, 0.3), command, desired, up, down)
+        assert_gradients_agree(limited(0.3), command, desired, up, down)
 
 
 def test_two_halves_make_a_whole() -> None:
     command, desired, up, down = velocities(1, (200,))
-    whole, mean = in_double(lambda *now: steering.approach(*now, 0.4), command, desired, up, down)
-    half, first = in_double(lambda *now: steering.approach(*now, 0.2), command, desired, up, down)
-    end, second = in_double(lambda *now: steering.approach(*now, 0.2), half, desired, up, down)
+    whole, mean = in_double(limited(0.4), command, desired, up, down)
+    half, first = in_double(limited(0.2), command, desired, up, down)
+    end, second = in_double(limited(0.2), half, desired, up, down)
     np.testing.assert_allclose(end, whole, atol=1e-5)  # 1e-6 m/s are added under the square root
     np.testing.assert_allclose(0.5 * (first + second), mean, atol=1e-5)
 
 
 def test_approach_arrives_to_the_last_bit_and_is_smooth_there() -> None:
     command, desired, up, down = velocities(2, (50,))
-    found, _ = in_single(lambda *now: steering.approach(*now, 60.0), command, desired, up, down)
+    found, _ = in_single(limited(60.0), command, desired, up, down)
     np.testing.assert_array_equal(found, desired.astype(np.float32))
-    stays = in_single(lambda *now: steering.approach(*now, 0.1), desired, desired, up, down)
+    stays = in_single(limited(0.1), desired, desired, up, down)
     assert_close(stays, (desired, desired), 1e-6)
     for now in ((desired, desired), (np.zeros((2, 50)), np.zeros((2, 50))), (command, -command)):
-        assert_gradient_finite(lambda *now: steering.approach(*now, 0.1), *now, up, down)
+        assert_gradient_finite(limited(0.1), *now, up, down)
 
 
 def test_approach_brakes_and_quickens_at_its_own_rates() -> None:
     """From 1 m/s straight back to -1 m/s: 0.5 s of braking at 2 m/s2, then 1 s at 1 m/s2."""
     start, back = np.array([[0.0], [1.0]]), np.array([[0.0], [-1.0]])
     for dt, speed in ((0.25, 0.5), (0.5, 0.0), (1.0, -0.5), (1.5, -1.0), (9.0, -1.0)):
-        found, _ = in_double(lambda *now, dt=dt: steering.approach(*now, dt), start, back, np.ones(1), np.full(1, 2.0))
+        found, _ = in_double(limited(dt), start, back, np.ones(1), np.full(1, 2.0))
         np.testing.assert_allclose(found[:, 0], [0.0, speed], atol=2e-6)
 
 
@@ -115,7 +132,7 @@ def test_pursuit_keeps_a_lagging_body_on_a_circle(radius: float, speed: float) -
     lag, dt = 0.5, 0.01
     late = speed * lag
     place, velocity = np.array([radius + 0.2, 0.0]), np.array([0.0, speed])
-    off = []
+    off, tangent, soon, curve = [], place, place, place
     for _ in range(2500):
         angle = np.arctan2(place[1], place[0])
         tangent = np.array([-np.sin(angle), np.cos(angle)])
@@ -128,7 +145,7 @@ def test_pursuit_keeps_a_lagging_body_on_a_circle(radius: float, speed: float) -
         velocity = speed * way + across * np.exp(-dt / lag)
         place = place + velocity * dt
         off.append(np.hypot(*place) - radius)
-    found = in_double(lambda *now: steering.pursuit(*now, 0.5), tangent, soon, curve - place, np.float64(late))
+    found = in_double(halfway, tangent, soon, curve - place, np.float64(late))
     expected = tangent + (soon - tangent) / 0.5 + (curve - place) / (2 * late)
     np.testing.assert_allclose(found, expected / np.linalg.norm(expected), atol=1e-9)
     assert np.abs(off[1500:]).max() < 0.05
@@ -139,6 +156,6 @@ def test_pursuit_gradients_and_degenerate_directions() -> None:
     rng = np.random.default_rng(6)
     tangent, soon, off = rng.normal(size=(3, 2, 5))
     late = rng.uniform(0.3, 1.0, size=5)
-    assert_gradients_agree(lambda *now: steering.pursuit(*now, 0.5), tangent, soon, off, late)
+    assert_gradients_agree(halfway, tangent, soon, off, late)
     zero = np.zeros((2, 5))
-    assert_gradient_finite(lambda *now: steering.pursuit(*now, 0.5), zero, zero, zero, late)
+    assert_gradient_finite(halfway, zero, zero, zero, late)
