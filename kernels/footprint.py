@@ -62,7 +62,7 @@ def swept_one_sided(
 
 
 def turned_towards(
-    old: Float[Array, "*b"], wanted: Float[Array, "*b"], most: Float[Array, "*#b"]
+    old: Float[Array, "*b"], wanted: Float[Array, "*b"], most: Float[Array, "*#b"] | float
 ) -> Float[Array, "*b"]:
     """Yaw that turns from old towards wanted the short way, by at most `most` rad."""
     full = 2.0 * jnp.pi
@@ -71,7 +71,7 @@ def turned_towards(
     return old + jnp.clip(error, -most, most)
 
 
-def about(place: Float[Array, "3 *#b"], yaw: Float[Array, "*b"]) -> Float[Array, "3 *b"]:
+def about(place: Float[Array, "3 *#b"], yaw: Float[Array, "*#b"]) -> Float[Array, "3 *b"]:
     """A place of the character frame turned by a yaw."""
     sin, cos = jnp.sin(yaw), jnp.cos(yaw)
     x, y, z = place
@@ -189,7 +189,7 @@ def settled(print_: Footprint, points: Float[Array, "3 5 *b"], ground: Float[Arr
     return print_._replace(position=position.at[1].add(lift))
 
 
-def tilted(h: Float[Array, "3 *b"], normal: Float[Array, "3 *b"]) -> Float[Array, "3 *b"]:
+def tilted(h: Float[Array, "3 *#b"], normal: Float[Array, "3 *b"]) -> Float[Array, "3 *b"]:
     """A level vector after the shortest arc from vertical to the normal."""
     nx, ny, nz = normal
     hx, _, hz = h
