@@ -8,9 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from kernels import flight
-from kernels.footprint import Footprint
-from kernels.leg_cycle import KeyTimes
+from kernels import flight, footprint, leg_cycle
 from tests.kernels.checks import (
     assert_close,
     assert_gradient_finite,
@@ -22,6 +20,13 @@ from tests.kernels.checks import (
 )
 from tests.kernels.test_footprint import UP, arc, level, random_normals, yawed
 from tests.kernels.test_leg_cycle import random_keys
+
+# named tuples of arrays, here of NumPy's
+Footprint: Any = footprint.Footprint
+KeyTimes: Any = leg_cycle.KeyTimes
+Footbase: Any = flight.Footbase
+Support: Any = flight.Support
+footbase: Any = flight.footbase
 
 LEGS = 2
 MOST_TURN = np.pi / 4
@@ -44,7 +49,7 @@ def wrapped(angle: float) -> float:
     return float(np.angle(np.exp(1j * angle)))
 
 
-def random_print(rng: np.random.Generator, count: int, steepest: float) -> Footprint:
+def random_print(rng: np.random.Generator, count: int, steepest: float) -> Any:
     position = rng.normal(size=(3, LEGS, count)) * np.array([0.3, 0.1, 0.5])[:, None, None]
     normal = random_normals(rng, LEGS * count, steepest).reshape(3, LEGS, count)
     return Footprint(position, rng.uniform(-4, 4, (LEGS, count)), normal, 0.2 * rng.normal(size=(2, LEGS, count)))
@@ -84,7 +89,7 @@ def test_trajectory() -> None:
 
 
 def support_by_text(
-    stance: np.ndarray, before: list[Footprint], after: list[Footprint], time: np.ndarray, lift: np.ndarray,
+    stance: np.ndarray, before: list[Any], after: list[Any], time: np.ndarray, lift: np.ndarray,
     land: np.ndarray, direction: np.ndarray, way: float,
 ) -> tuple[float, np.ndarray, np.ndarray]:  # fmt: skip
     ahead, footing, height, total, travel = level(direction) * way, [], 0.0, 0.0, np.zeros(3)
@@ -100,7 +105,7 @@ def support_by_text(
     return height / total, np.stack(footing, -1), travel
 
 
-def one(print_: Footprint, i: int) -> list[Footprint]:
+def one(print_: Any, i: int) -> list[Any]:
     """A print of each leg of character i."""
     return [Footprint(*(a[..., leg, i] for a in print_)) for leg in range(LEGS)]
 
@@ -127,7 +132,7 @@ def test_support() -> None:
             )
             for i in range(count)
         ]  # fmt: skip
-        expected = flight.Support(*(np.stack(column, -1) for column in zip(*rows, strict=True)))
+        expected = Support(*(np.stack(column, -1) for column in zip(*rows, strict=True)))
         check = assert_matches_in_batches if count == 6 else assert_matches
         check(flight.support, expected, *case.values(), direction, way)
     case = standing(rng, 3)
@@ -163,7 +168,7 @@ def test_support_of_a_steady_walk_on_a_plane() -> None:
 
 
 def position_by_text(
-    root: np.ndarray, stance: np.ndarray, before: Footprint, after: Footprint, time: float, liftoff: float,
+    root: np.ndarray, stance: np.ndarray, before: Any, after: Any, time: float, liftoff: float,
     strike: float, n: np.ndarray, up: np.ndarray, base: float,
 ) -> np.ndarray:  # fmt: skip
     """Steps (1) to (5). The level that carries the body is a height: E is where the line along `up` meets it."""
@@ -182,7 +187,7 @@ def position_by_text(
 
 
 def attitude_by_docstring(
-    yaw: float, before: Footprint, after: Footprint, time: float, liftoff: float, strike: float
+    yaw: float, before: Any, after: Any, time: float, liftoff: float, strike: float
 ) -> tuple[float, np.ndarray]:
     """(6), turned in flight alone; what the body's yaw may add is bounded in mid-flight and not at the ends."""
     ft = share(liftoff, strike, time)
@@ -206,9 +211,9 @@ def flights(rng: np.random.Generator, count: int, steepest: float = 0.6) -> dict
     )  # fmt: skip
 
 
-def by_text(case: dict[str, Any]) -> flight.Footbase:
+def by_text(case: dict[str, Any]) -> Any:
     count, keys = case["yaw"].size, case["keys"]
-    out = flight.Footbase(*(np.zeros((*lead, LEGS, count)) for lead in ((3,), (), (3,), (3,))))
+    out = Footbase(*(np.zeros((*lead, LEGS, count)) for lead in ((3,), (), (3,), (3,))))
     for i in range(count):
         before, after = one(case["before"], i), one(case["after"], i)
         for k in range(LEGS):
@@ -225,8 +230,8 @@ def by_text(case: dict[str, Any]) -> flight.Footbase:
     return out
 
 
-def plate(*case: Any) -> flight.Footbase:
-    return flight.footbase(*case, jnp.array(MOST_TURN, case[0].dtype))
+def plate(*case: Any) -> Any:
+    return footbase(*case, jnp.array(MOST_TURN, case[0].dtype))
 
 
 def test_footbase() -> None:
@@ -271,9 +276,7 @@ def test_planted_feet_lie_on_their_prints() -> None:
     assert np.abs(in_single(plate, *case.values()).position - stands[0]).max() < 1e-6
 
 
-def between(
-    before: Footprint, after: Footprint, samples: int = 101, lift: float = 0.0
-) -> tuple[np.ndarray, np.ndarray]:
+def between(before: Any, after: Any, samples: int = 101, lift: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Heights above the chord and share of the way, of steps [n] on upright bodies."""
     at = np.linspace(0, 1, samples)
     count = before.position.shape[-1]

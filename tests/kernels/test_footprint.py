@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from kernels import footprint
-from kernels.footprint import Footprint, Hit
 from tests.kernels.checks import (
     assert_close,
     assert_gradient_finite,
@@ -20,11 +19,16 @@ from tests.kernels.checks import (
     in_single,
 )
 
+# named tuples of arrays, here of NumPy's
+Footprint: Any = footprint.Footprint
+Hit: Any = footprint.Hit
+smoothed: Any = footprint.smoothed
+
 UP = np.array([0.0, 1.0, 0.0])
 DEGREE = np.pi / 180
 
 
-def rotation(axis: np.ndarray, angle: float) -> np.ndarray:
+def rotation(axis: np.ndarray, angle: Any) -> np.ndarray:
     """[3, 3] about a unit axis, by Rodrigues."""
     x, y, z = axis
     k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -180,7 +184,7 @@ def test_tilted_and_normals() -> None:
 def smoothed_by_text(
     current: np.ndarray, goal: np.ndarray, predicted: np.ndarray, time: float, strike: float, ft: float,
     begins: bool, seek: float, cycle: float, designated: float, dt: float,
-) -> tuple[np.ndarray, np.ndarray, bool]:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray, Any]:  # fmt: skip
     if begins:
         return predicted, predicted, True
     u = max(time / strike, 1e-3)
@@ -209,7 +213,7 @@ def test_smoothed(dt: float) -> None:
     expected = columns(lambda *one: smoothed_by_text(*one, dt), *found)
 
     def kernel(*now: Any) -> Any:
-        return footprint.smoothed(*now, dt)
+        return smoothed(*now, dt)
 
     assert_matches(kernel, expected, *found, double=1e-6, single=1e-4)
     assert 100 < expected[2].sum() < 650
@@ -220,13 +224,13 @@ def test_smoothed_shapes_and_gradients() -> None:
     expected = columns(lambda *one: smoothed_by_text(*one, 1 / 60), *found)
 
     def kernel(*now: Any) -> Any:
-        return footprint.smoothed(*now, 1 / 60)
+        return smoothed(*now, 1 / 60)
 
     assert_matches_in_batches(kernel, expected, *found, double=1e-6, single=1e-4)
     begins, rest = found[6], found[:6] + found[7:]
 
     def moved(*now: Any) -> Any:
-        return footprint.smoothed(*now[:6], jnp.asarray(begins), *now[6:], 1 / 60)[:2]
+        return smoothed(*now[:6], jnp.asarray(begins), *now[6:], 1 / 60)[:2]
 
     assert_gradients_agree(moved, *rest)
     still = [np.zeros((3, 6))] * 3 + [np.zeros(6), np.full(6, 0.7), *[np.zeros(6)] * 4]
@@ -236,11 +240,11 @@ def test_smoothed_shapes_and_gradients() -> None:
 
 def test_a_print_arrives_and_then_stands_still() -> None:
     """To the last bit; while the goal is held it arrives by the strike."""
-    goal, current = np.float32([[0.3], [0.0], [1.1]]), np.zeros((3, 1), np.float32)
+    goal, current = np.array([[0.3], [0.0], [1.1]], np.float32), np.zeros((3, 1), np.float32)
     for frame in range(1, 46):
         time = np.array([0.75 * frame / 45])
         current, aim, _ = in_single(
-            lambda *now: footprint.smoothed(*now[:6], jnp.zeros(1, bool), *now[6:], 1 / 60),
+            lambda *now: smoothed(*now[:6], jnp.zeros(1, bool), *now[6:], 1 / 60),
             current, goal, goal, time, np.array([0.75]), np.array([0.5]), np.array(1.0), np.array(1.0), time,
         )  # fmt: skip
     np.testing.assert_array_equal(current, goal)
@@ -295,7 +299,7 @@ def on_grounds(rng: np.random.Generator, count: int) -> list[np.ndarray]:
     return [p, rng.uniform(-9, 9, count), foot, height[0], slope[0], height[1], slope[1]]
 
 
-def placed(p: Any, yaw: Any, foot: Any, height_a: Any, slope_a: Any, height_b: Any, slope_b: Any) -> Footprint:
+def placed(p: Any, yaw: Any, foot: Any, height_a: Any, slope_a: Any, height_b: Any, slope_b: Any) -> Any:
     least, window = jnp.array(LEAST_Y, p.dtype), jnp.array(0.7, p.dtype)
     hits = Hit(height_a, slope_a), Hit(height_b, slope_b)
     return footprint.placed(p, yaw, foot, *hits, least, window, avoid_ledges=True)
@@ -379,7 +383,7 @@ def test_ledges_are_not_avoided_where_they_need_not_be() -> None:
 # --- what sticks through the sole ------------------------------------------------------------------------------------
 
 
-def print_at(rng: np.random.Generator, count: int) -> Footprint:
+def print_at(rng: np.random.Generator, count: int) -> Any:
     foot = 0.3 * (lambda a: np.stack([np.sin(a), np.cos(a)]))(rng.uniform(-9, 9, count))
     return Footprint(rng.normal(size=(3, count)), rng.uniform(-9, 9, count), random_normals(rng, count, 0.5), foot)
 
@@ -426,7 +430,7 @@ def test_a_riser_before_the_toe_is_stepped_back_from() -> None:
     )
     print_.foot[1] = 0.3
 
-    def clear(print_: Footprint) -> Any:
+    def clear(print_: Any) -> Any:
         points = footprint.sole_points(print_)
         return footprint.settled(print_, points, jnp.where(points[2] > jnp.asarray(edge), 0.17, 0.0))
 
