@@ -21,11 +21,13 @@ def balance(rise: Float[Array, "*b"], length: Float[Array, "*#b"]) -> Float[Arra
 
 
 def arctan(x: Float[Array, "*b"]) -> Float[Array, "*b"]:
-    """Arc tangent to 2e-7 rad: two half angles, then a series. Several times faster than the library's on a CPU."""
+    """Arc tangent to 5e-7 rad: two half angles, then a series. Several times faster than the library's on a CPU."""
     for _ in range(2):
         x = x / (1.0 + jnp.sqrt(1.0 + x * x))
     y = x * x
-    series = 1.0 + y * (-1.0 / 3.0 + y * (1.0 / 5.0 + y * (-1.0 / 7.0 + y * (1.0 / 9.0 - y / 11.0))))
+    series = 1.0 + y * (
+        -1.0 / 3.0 + y * (1.0 / 5.0 + y * (-1.0 / 7.0 + y * (1.0 / 9.0 + y * (-1.0 / 11.0 + y / 13.0))))
+    )
     return 4.0 * x * series
 
 

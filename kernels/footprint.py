@@ -62,7 +62,7 @@ def swept_one_sided(
 
 
 def turned_towards(
-    old: Float[Array, "*b"], wanted: Float[Array, "*b"], most: Float[Array, "*#b"]
+    old: Float[Array, "*b"], wanted: Float[Array, "*b"], most: Float[Array, "*#b"] | float
 ) -> Float[Array, "*b"]:
     """Yaw that turns from old towards wanted the short way, by at most `most` rad."""
     full = 2.0 * jnp.pi
@@ -71,7 +71,7 @@ def turned_towards(
     return old + jnp.clip(error, -most, most)
 
 
-def about(place: Float[Array, "3 *#b"], yaw: Float[Array, "*b"]) -> Float[Array, "3 *b"]:
+def about(place: Float[Array, "3 *#b"], yaw: Float[Array, "*#b"]) -> Float[Array, "3 *b"]:
     """A place of the character frame turned by a yaw."""
     sin, cos = jnp.sin(yaw), jnp.cos(yaw)
     x, y, z = place
@@ -125,9 +125,10 @@ def placed(
     """The print on the ground under a heel at `heel` with the foot vector `foot` (heel to toe, x and z, m).
 
     The two rays of 4.7 are look-ups here: a hit further than `window` above or below the heel counts as missed, a
-    normal less upright than `least_normal_y` is not accepted. Where heel and toe stand on different levels the higher
-    one carries the foot, level with it and centred on its edge; elsewhere the foot lies along both (the original lays
-    it on one of them, and its other end then cuts into hollows). Nothing hit: where it was, level.
+    normal less upright than `least_normal_y` is not accepted. Where heel and toe stand on different levels, or the
+    plane along both would be that steep, the higher one carries the foot, on its own ground and centred on its edge;
+    elsewhere the foot lies along both (the original lays it on one of them, and its other end then cuts into hollows).
+    Nothing hit: where it was, level.
     """
     sole = about(jnp.stack([foot[0], jnp.zeros_like(foot[0]), foot[1]]), yaw)
     hit_a, hit_b = (jnp.abs(hit.height - heel[1]) <= window for hit in (at_heel, at_toe))
@@ -138,12 +139,14 @@ def placed(
     both, one = good_a & good_b, good_a ^ good_b
     mean = unit(normal_a + normal_b)
     rise = dot(b - a, mean)
-    ledge = both & (jnp.abs(rise) > LEDGE * jnp.sqrt(dot(sole, sole) + TINY)) & avoid_ledges
+    along = _along_both(sole, b - a, mean)
+    apart = (jnp.abs(rise) > LEDGE * jnp.sqrt(dot(sole, sole) + TINY)) | (along[1] <= least_normal_y)
+    ledge = both & apart & avoid_ledges
     by_toe = jnp.where(both, ledge & (rise > 0), good_b & ~good_a)
     by_toe = jnp.where(both | one, by_toe, ~hit_a & hit_b)
     up = jnp.zeros_like(mean).at[1].set(1.0)
     single = jnp.where(both | one, jnp.where(by_toe, normal_b, normal_a), up)
-    normal = jnp.where(both & ~ledge, _along_both(sole, b - a, mean), single)
+    normal = jnp.where(both & ~ledge, along, single)
     ahead = tilted(sole, normal)
     shift = jnp.where((ledge | one) & avoid_ledges, jnp.where(by_toe, 0.5, -0.5), 0.0)
     position = jnp.where(by_toe, b - ahead, a) + ahead * shift
@@ -186,7 +189,7 @@ def settled(print_: Footprint, points: Float[Array, "3 5 *b"], ground: Float[Arr
     return print_._replace(position=position.at[1].add(lift))
 
 
-def tilted(h: Float[Array, "3 *b"], normal: Float[Array, "3 *b"]) -> Float[Array, "3 *b"]:
+def tilted(h: Float[Array, "3 *#b"], normal: Float[Array, "3 *b"]) -> Float[Array, "3 *b"]:
     """A level vector after the shortest arc from vertical to the normal."""
     nx, ny, nz = normal
     hx, _, hz = h
