@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd import report_plots
+from crowd import report_gait, report_plots
 from crowd.recorded_scene import SceneLike
 from crowd.view.crowd_picture import crowd_pictures, has_poses
 from crowd.view.raster import contact_sheet
@@ -28,8 +28,8 @@ def write_report(run: Any, scene: SceneLike | None, out: str | Path, pictures: A
 
     run: a `crowd.simulate.Result` or a `crowd.recorded.Recording`. scene: None for the run's own. pictures: the
     scenario's `pictures` (moments, size, herd to follow); default the scene's; without poses or with `pictures: null`
-    there is no strip, and when nobody enters a fluid there are no plots of it. A run without a recorded frame gets no
-    report: an empty dictionary.
+    there is no strip, and when nobody enters a fluid there are no plots of it; `gait` is there for semi-procedural
+    herds. A run without a recorded frame gets no report: an empty dictionary.
     """
     scene = run.scene if scene is None else scene
     assert scene is not None
@@ -40,6 +40,8 @@ def write_report(run: Any, scene: SceneLike | None, out: str | Path, pictures: A
     wet = any(np.nanmax(np.asarray(run.herds[herd.name]["depth"]), initial=0.0) > 0 for herd in scene.herds)
     plots = {name: plot for name, plot in PLOTS.items() if wet or name not in IN_FLUID}
     files = {name: plot(run, scene, out / f"{name}.png") for name, plot in plots.items()}
+    if (gait := report_gait.gait(run, scene, out / "gait.png")) is not None:
+        files["gait"] = gait
     wanted = pictures if pictures is not None else _wanted(run, scene)
     if wanted is not None and has_poses(run):
         files |= write_pictures(run, scene, out, wanted)
