@@ -212,7 +212,9 @@ def draw_footprints(axes: Axes, walker: Walker, frame: int) -> None:
         axes.plot([], [], "+", color=QUIET, markersize=9, label="its goal")
         axes.legend(loc="upper left", frameon=False, fontsize=8)
     points = np.concatenate(shown)[:, [0, 2]]
-    half = max(1.25 * float(np.abs(points - at).max()), 0.7 * walker.herd.archetype.height * walker.scale)
+    half = max(
+        1.25 * float(np.nanmax(np.abs(points - at), initial=0.0)), 0.7 * walker.herd.archetype.height * walker.scale
+    )
     axes.set_aspect("equal")
     axes.set_xlim(at[0] + half, at[0] - half)
     axes.set_ylim(at[1] - half, at[1] + half)

@@ -52,7 +52,7 @@ def _picture(
     shown = bodies(run, herd, frame, character)
     points = np.concatenate([body.vertices.reshape(-1, 3) for body in shown])
     yaw = float(np.degrees(run.herds[herd.name]["yaw"][frame, character]))
-    camera = framing(points, size, yaw + VIEW[0], VIEW[1], FOV, margin=0.07)
+    camera = framing(points, size, yaw + VIEW[0], VIEW[1], FOV, margin=0.12)
     return draw(Geometry(shown, scene.ground, surfaces(scene), getattr(scene, "terrain", None)), camera, size)
 
 

@@ -122,6 +122,18 @@ def test_file_from_memory_disk_and_without_prints(made, tmp_path):
     assert not (tmp_path / "none.png").exists()
 
 
+def test_one_frame_and_a_frozen_character(made, tmp_path):
+    arrays = {name: value[:1] for name, value in made.herds["ones"].items()}
+    short = dataclasses.replace(made, time=made.time[:1], herds=made.herds | {"ones": arrays})
+    assert gait(short, made.scene, tmp_path / "one.png") is not None
+    frozen = {name: value.copy() for name, value in made.herds["ones"].items()}
+    frozen["fault"][:] = 1
+    frozen["footprint_goal"][:] = np.nan
+    stuck = dataclasses.replace(made, herds=made.herds | {"ones": frozen})
+    assert walker(stuck).busy_frame() == FRAME
+    assert gait(stuck, made.scene, tmp_path / "frozen.png") is not None
+
+
 def test_report_has_it(made, made_result, tmp_path):
     still = {name: {k: v for k, v in herd.items() if not k.startswith("joint")} for name, herd in made.herds.items()}
     assert "gait" in write_report(dataclasses.replace(made, herds=still), None, tmp_path / "new")
