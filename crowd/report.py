@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from crowd import report_plots
+from crowd import report_gait, report_plots
 from crowd.recorded_scene import SceneLike
 from crowd.view.crowd_picture import crowd_pictures, has_poses
+from crowd.view.debug_picture import debug_herds, debug_pictures
 from crowd.view.raster import contact_sheet
 
 PLOTS: dict[str, Callable[[Any, SceneLike, Path], Path]] = {
@@ -28,8 +29,9 @@ def write_report(run: Any, scene: SceneLike | None, out: str | Path, pictures: A
 
     run: a `crowd.simulate.Result` or a `crowd.recorded.Recording`. scene: None for the run's own. pictures: the
     scenario's `pictures` (moments, size, herd to follow); default the scene's; without poses or with `pictures: null`
-    there is no strip, and when nobody enters a fluid there are no plots of it. A run without a recorded frame gets no
-    report: an empty dictionary.
+    there is no strip, and when nobody enters a fluid there are no plots of it; `gait` is there for semi-procedural
+    herds, and `debug` when `pictures.debug` asks for it. A run without a recorded frame gets no report: an empty
+    dictionary.
     """
     scene = run.scene if scene is None else scene
     assert scene is not None
@@ -40,9 +42,13 @@ def write_report(run: Any, scene: SceneLike | None, out: str | Path, pictures: A
     wet = any(np.nanmax(np.asarray(run.herds[herd.name]["depth"]), initial=0.0) > 0 for herd in scene.herds)
     plots = {name: plot for name, plot in PLOTS.items() if wet or name not in IN_FLUID}
     files = {name: plot(run, scene, out / f"{name}.png") for name, plot in plots.items()}
+    if (gait := report_gait.gait(run, scene, out / "gait.png")) is not None:
+        files["gait"] = gait
     wanted = pictures if pictures is not None else _wanted(run, scene)
     if wanted is not None and has_poses(run):
         files |= write_pictures(run, scene, out, wanted)
+        if wanted.debug and debug_herds(scene):
+            files["debug"] = write_debug(run, scene, out / "debug.png", wanted)
     return files
 
 
@@ -61,6 +67,20 @@ def write_pictures(run: Any, scene: SceneLike, out: Path, wanted: Any) -> dict[s
     files["pictures"] = out / "pictures.png"
     contact_sheet(images, labels, columns=2).save(files["pictures"])
     return files
+
+
+def write_debug(run: Any, scene: SceneLike, path: Path, wanted: Any) -> Path:
+    """A row per semi-procedural herd: its first character with footprints and ghost, at the moments asked for."""
+    moments = moments_of(wanted, np.asarray(run.time))
+    size = (wanted.height_px, wanted.height_px)
+    images, labels, columns = [], [], 1
+    for herd in debug_herds(scene):
+        shots = debug_pictures(run, scene, herd, moments, size)
+        columns = len(shots)
+        images += [image for _, image in shots]
+        labels += [f"{herd.name} {time:.2f} s" for time, _ in shots]
+    contact_sheet(images, labels, columns).save(path)
+    return path
 
 
 def moments_of(wanted: Any, time: np.ndarray) -> list[float]:

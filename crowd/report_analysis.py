@@ -13,7 +13,7 @@ from crowd.analysis.flight import TIMES
 from crowd.analysis.motion import Motion
 from crowd.analysis.motion_set import MotionSet
 from crowd.analysis.samples import KEYTIMES, SAMPLES, LegAnalysis
-from crowd.report_plots import figure, finish
+from crowd.report_plots import figure, finish, speed_rings
 from crowd.view.palette import GRID, INK, QUIET, herd_color
 
 HEEL, TOE, BASE, STANCE = "#0072b2", "#d55e00", INK, "#009e73"
@@ -178,10 +178,7 @@ def velocities(found: MotionSet, path: Path) -> Path:
     made, axes = figure(7.2, 7.0)
     plot: Axes = axes[0, 0]
     fastest = max([motion.speed for motion in found.motions] + [1e-3])
-    for ring in _rings(fastest):
-        angle = np.linspace(0, 2 * np.pi, 181)
-        plot.plot(ring * np.sin(angle), ring * np.cos(angle), color=GRID, linewidth=0.9, zorder=0)
-        plot.annotate(f"{ring:g} m/s", (ring * 0.7071, -ring * 0.7071), fontsize=8, color=QUIET, ha="center")
+    speed_rings(plot, fastest)
     groups = list(dict.fromkeys(found.groups))
     taken: list[tuple[float, float]] = []
     for motion, group in zip(found.motions, found.groups, strict=True):
@@ -199,9 +196,3 @@ def velocities(found: MotionSet, path: Path) -> Path:
     plot.set_xlabel("to the left in m/s", color=INK, fontsize=10)
     plot.set_ylabel("forward in m/s", color=INK, fontsize=10)
     return finish(made, path, f"{found.archetype.name}: velocities of its motions")
-
-
-def _rings(fastest: float) -> list[float]:
-    """Two to five round speeds up to the fastest."""
-    step = next(s * 10.0**e for e in range(-3, 4) for s in (1, 2, 5) if fastest / (s * 10.0**e) < 5)
-    return [step * k for k in range(1, int(fastest / step) + 1)]

@@ -130,7 +130,7 @@ def center_of_pressure(run: Any, scene: SceneLike, path: Path) -> Path:
     made.delaxes(axes[1, 0])
     made.delaxes(axes[0, 0])
     wide: Axes = made.add_subplot(axes[0, 0].get_gridspec()[:, 0])
-    _copy_style(wide)
+    copy_style(wide)
     for number, herd in enumerate(scene.herds):
         data, color = Sampled(run, herd), herd_color(number)
         # A sole pressed a hair into ground that lies level with the surface is no wading.
@@ -154,7 +154,16 @@ def center_of_pressure(run: Any, scene: SceneLike, path: Path) -> Path:
     return finish(made, path, "Centre of pressure", wide)
 
 
-def _copy_style(axes: Axes) -> None:
+def speed_rings(axes: Axes, fastest: float) -> None:
+    """Two to five rings of round speeds around the origin, up to the fastest (m/s)."""
+    step = next(s * 10.0**e for e in range(-3, 4) for s in (1, 2, 5) if fastest / (s * 10.0**e) < 5)
+    for ring in (step * k for k in range(1, int(fastest / step) + 1)):
+        angle = np.linspace(0, 2 * np.pi, 181)
+        axes.plot(ring * np.sin(angle), ring * np.cos(angle), color=GRID, linewidth=0.9, zorder=0)
+        axes.annotate(f"{ring:g} m/s", (ring * 0.7071, -ring * 0.7071), fontsize=8, color=QUIET, ha="center")
+
+
+def copy_style(axes: Axes) -> None:
     axes.grid(True, color=GRID, linewidth=0.7)
     axes.set_axisbelow(True)
     axes.tick_params(colors=QUIET, labelsize=9)

@@ -56,6 +56,8 @@ class Pictures(Model):
     height_px: Annotated[int, Field(strict=True, ge=64, le=8192)] = 700
     follow: Name | None = None
     """Herd the camera follows; left out: all."""
+    debug: Flag = False
+    """Also draw a character of each semi-procedural herd with its footprints and the ghost of its unadjusted pose."""
 
 
 class Scenario(Model):
