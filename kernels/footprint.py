@@ -16,6 +16,8 @@ from kernels.vec import TINY, dot, unit
 
 LEDGE = 0.25  # of the foot's length: heel and toe further apart along the normal stand on different levels
 
+ROOM = 0.06  # of the foot's length: how much of it rolls over its ends, and must not touch the next riser
+
 
 class Footprint(NamedTuple):
     """Where a foot stands. The foot's own vector goes with it: a blend that changes does not turn a planted foot."""
@@ -163,9 +165,10 @@ def _along_both(h: Array, way: Array, mean: Array) -> Array:
 
 
 def sole_points(print_: Footprint) -> Float[Array, "3 5 *b"]:
-    """Five points along the print, from its heel to its toe end."""
+    """Five points along the print, from just behind its heel end to just ahead of its toe end."""
     ahead = print_.sole
     shares = jnp.arange(5, dtype=ahead.dtype).reshape(5, *(1,) * (ahead.ndim - 1)) / 4.0
+    shares = shares * (1.0 + 2.0 * ROOM) - ROOM
     return print_.position[:, None] + ahead[:, None] * shares
 
 

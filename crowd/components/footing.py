@@ -54,12 +54,12 @@ def footprints(
     at_heel = wall(ground, heel, at)
     toe = wall(lambda heel, b, yaw: heel + about(b.foot, yaw), heel, blend, yaw)
     at_toe = wall(ground, toe, at)
-    print_ = wall(
-        lambda c, *now: footprint.placed(
-            *now, world.min_normal_y, world.max_step_height * c.scale, avoid_ledges=True
-        ),
-        character, heel, yaw, blend.foot[::2], at_heel, at_toe,
-    )  # fmt: skip
+
+    def placed(heel: Array, yaw: Array, foot: Array, at_heel: Hit, at_toe: Hit, scale: Array) -> Footprint:
+        window = world.max_step_height * scale
+        return footprint.placed(heel, yaw, foot, at_heel, at_toe, world.min_normal_y, window, avoid_ledges=True)
+
+    print_ = wall(placed, heel, yaw, blend.foot[::2], at_heel, at_toe, character.scale)
     points = wall(footprint.sole_points, print_)
     there = wall(height, points, at)
     print_ = wall(footprint.settled, print_, points, there)

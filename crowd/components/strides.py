@@ -81,10 +81,10 @@ def gait(
     stride = _stride(herd, own, control, dt, character, state, blend, cycle_s, wall)
     leaning, ground_up, base, up, shares = stride
     state = _with(state, leaning=leaning, ground_up=ground_up)
-    poses = wall(lambda s, b: motions.columns(herd, own, s, b), state, blend)
+    column, share = wall(lambda s, b: motions.columns(herd, own, s, b), state, blend)
     planted, lifted, flown, turn = shares
     out = Stride(base, lifted, flown, planted, turn, up, blend.alignment, blend)
-    return state, out, Poses(*poses, up)
+    return state, out, Poses(column, share, up)
 
 
 def _with(state: State, **changes: Array) -> State:

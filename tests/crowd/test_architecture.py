@@ -41,6 +41,7 @@ ROOMS: list[tuple[str, ...]] = [
         "crowd.params",
         "crowd.state",
         "crowd.herd_assets",
+        "crowd.stride_assets",
         "crowd.initial",
         "crowd.build",
     ),
