@@ -27,6 +27,7 @@ from kernels.wall import Wall
 
 FASTEST_FACING = 10.0  # rad/s
 TURNS = 0.1  # rad, or m/s to a side: from here on a resting character knows which leg goes first
+WHOLE = 0.999  # of the adjustment: with less, feet move as another clip has them
 READY = 0.3  # cycles since stance: where that leg waits
 
 
@@ -228,10 +229,10 @@ def _up(control: StrideControl, state: State, ground_up: Array, leaning: Array, 
 
 
 def _shares(state: State, blend: Blend) -> tuple[Array, Array, Array]:
-    """Planted [L, n], lifted [L, n] and share of the flight [L, n]."""
+    """Planted [L, n], lifted [L, n] and share of the flight [L, n]. A foot that another clip moves is not planted."""
     time, keys = state.gait.time, blend.keys
     planted = (time <= keys.liftoff) | (time >= keys.strike)
-    return planted, leg_cycle.lifted(time, keys), leg_cycle.ilerp(keys.liftoff, keys.strike, time)
+    return planted & (blend.alignment > WHOLE), leg_cycle.lifted(time, keys), leg_cycle.ilerp(keys.liftoff, keys.strike, time)
 
 
 def _footbase(
