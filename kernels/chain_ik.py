@@ -216,7 +216,7 @@ def _search(
     secant = (leg.length - asked) / jnp.maximum(leg.length - now, _FLAT)
     y = jnp.where(folds, 0.5 * (low + high), jnp.clip(secant, 0.0, 1.0))
 
-    def step(_: int, at: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
+    def step(_: jax.Array | int, at: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
         y, low, high, best, missed = at
         far, slope = wall(_reach, leg, folds, y)
         past = (far <= asked) | (~known & (slope >= 0))
@@ -228,7 +228,8 @@ def _search(
         inside = falls & (newton >= low) & (newton <= high)
         return jnp.where(inside, newton, 0.5 * (low + high)), low, high, best, missed
 
-    return jax.lax.fori_loop(0, STEPS, step, (y, low, high, y, jnp.full_like(y, jnp.inf)))[3]
+    as_it_is = jnp.where(folds, 0.0, 1.0)
+    return jax.lax.fori_loop(0, STEPS, step, (y, low, high, as_it_is, jnp.abs(now - asked)))[3]
 
 
 def _bracket(
@@ -243,7 +244,7 @@ def _bracket(
         angle = FOLD * jnp.clip(fold, 0.0, FOLDS)
         return jnp.where(folds, angle * (angle + 2.0 * leg.typical), 1.0)
 
-    def widen(k: int, bounds: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
+    def widen(k: jax.Array | int, bounds: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
         passed, low, high, least = bounds
         fold = jnp.asarray(k, asked.dtype)
         far = wall(lambda *at: _reach(*at)[0], leg, folds, at(fold))
@@ -274,16 +275,15 @@ def _turned(
         folded = dot(way, way) < (FOLDED * leg.length) ** 2
         end, way = jnp.where(folded, foot, end), jnp.where(folded, last, way)
     turned = [wall(_swing, end, way)]
-    for joint in wall(_joints, leg, bends):
-        turned.append(wall(quat.multiply, turned[-1], joint))
+    for i in range(len(bends)):
+        turned.append(wall(_multiplied, turned[-1], leg.axes[:, i], bends[i] - leg.bends[i]))
     return turned
 
 
-def _joints(leg: _Leg, bends: Float[Array, "joints *b"]) -> Float[Array, "joints 4 *b"]:
-    """Rotation of each joint from its bend to the given one."""
-    s, c = _sine_cosine(bends - leg.bends)
-    u, v, w = leg.axes
-    return jnp.stack([c, s * u, s * v, s * w], 1)
+def _multiplied(q: Float[Array, "4 *b"], axis: Float[Array, "3 *b"], angle: Float[Array, "*b"]) -> Float[Array, "4 *b"]:
+    """First a turn about the axis (or none, if that is 0), then q."""
+    s, c = _sine_cosine(angle)
+    return quat.multiply(q, jnp.stack([c, s * axis[0], s * axis[1], s * axis[2]]))
 
 
 def _foot(leg: _Leg, bends: Float[Array, "joints *b"]) -> Float[Array, "3 *b"]:
