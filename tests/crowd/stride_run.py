@@ -8,7 +8,7 @@ import numpy as np
 
 import crowd
 from crowd import scene
-from tests.crowd.scenes import herd, scenario
+from tests.crowd.scenes import scenario
 
 RATE, FRAMES = 60, 900
 # characters near the origin on level ground, and what they are told
@@ -30,8 +30,7 @@ GROUND = {
 def places() -> list[list[float]]:
     rng = np.random.default_rng(1)
     near = [[0.0, 0.0] for _ in range(10)] + [[40.0, -2.0], [-40.0, 0.0]]
-    far = [[float(x), float(z)] for x, z in zip(rng.uniform(-50, 50, COUNT - 12), rng.uniform(-30, 30, COUNT - 12))]
-    return near + far
+    return near + (rng.uniform(-1, 1, (COUNT - 12, 2)) * [50.0, 30.0]).tolist()
 
 
 def model() -> dict[str, Any]:
