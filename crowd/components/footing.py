@@ -45,7 +45,8 @@ def footprints(
         return sense.height(layout, world, (points + at[:, None])[::2], (points + at[:, None])[1]) - at[1]
 
     heel, yaw = wall(
-        lambda *now: _predicted(layout, character.turn_rate, control, *now),
+        lambda c, *now: _predicted(layout, c, control, *now),
+        character,
         state,
         blend,
         cycle,
@@ -90,13 +91,19 @@ def relative(state: State) -> tuple[Footprint, Footprint]:
     )
 
 
+def yaw_due(character: Character, state: State) -> Array:
+    """[n] rad, where the body's yaw goes: to the heading asked for, less what it stays behind one that turns evenly."""
+    late = character.yaw_damping / jnp.maximum(character.yaw_gain, 1e-3)
+    return state.facing - state.gait.facing_rate * late
+
+
 def _apart(print_: Footprint, at: Array) -> Footprint:
     return print_._replace(position=print_.position - at)
 
 
 def _predicted(
     layout: Layout,
-    turn_rate: Array,
+    character: Character,
     control: StrideControl,
     state: State,
     blend: Blend,
@@ -115,8 +122,9 @@ def _predicted(
         angle = own.turn * left
         way = footprint.swept_one_sided(velocity, own.turn, left, cycle_s)
     else:
-        most = turn_rate * left
-        angle = jnp.clip(controllers.wrap(state.facing - state.yaw) + own.facing_rate * left, -most, most)
+        most = character.turn_rate * left
+        angle = controllers.wrap(yaw_due(character, state) - state.yaw) + own.facing_rate * left
+        angle = jnp.clip(angle, -most, most)
         way = footprint.swept(velocity, angle, left)
     wanted = state.yaw + angle
     flown = leg_cycle.ilerp(blend.keys.liftoff, blend.keys.strike, cycle.time)

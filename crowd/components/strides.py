@@ -135,7 +135,7 @@ def _cycle_duration(
     if compat:
         return steady
     stands = state.gait.time <= blend.keys.liftoff
-    twist = jnp.where(stands, controllers.wrap(state.gait.from_yaw - state.facing), 0.0)
+    twist = jnp.where(stands, controllers.wrap(state.gait.from_yaw - footing.yaw_due(character, state)), 0.0)
     return steady / leg_cycle.hurry(twist, control.most_foot_turn)
 
 

@@ -182,8 +182,8 @@ def test_tilted_and_normals() -> None:
 
 
 def smoothed_by_text(
-    current: np.ndarray, goal: np.ndarray, predicted: np.ndarray, time: float, strike: float, ft: float,
-    begins: bool, seek: float, cycle: float, designated: float, dt: float,
+    dt: float, current: np.ndarray, goal: np.ndarray, predicted: np.ndarray, time: float, strike: float, ft: float,
+    begins: bool, seek: float, cycle: float, designated: float,
 ) -> tuple[np.ndarray, np.ndarray, Any]:  # fmt: skip
     if begins:
         return predicted, predicted, True
@@ -210,7 +210,7 @@ def following(rng: np.random.Generator, count: int) -> list[Any]:
 @pytest.mark.parametrize("dt", [1 / 240, 1 / 60, 0.3])
 def test_smoothed(dt: float) -> None:
     found = following(np.random.default_rng(5), 700)
-    expected = columns(lambda *one: smoothed_by_text(*one, dt), *found)
+    expected = columns(lambda *one: smoothed_by_text(dt, *one), *found)
 
     def kernel(*now: Any) -> Any:
         return smoothed(*now, dt)
@@ -221,7 +221,7 @@ def test_smoothed(dt: float) -> None:
 
 def test_smoothed_shapes_and_gradients() -> None:
     found = following(np.random.default_rng(6), 6)
-    expected = columns(lambda *one: smoothed_by_text(*one, 1 / 60), *found)
+    expected = columns(lambda *one: smoothed_by_text(1 / 60, *one), *found)
 
     def kernel(*now: Any) -> Any:
         return smoothed(*now, 1 / 60)
