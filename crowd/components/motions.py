@@ -13,6 +13,7 @@ from crowd.params import Character, StrideControl, StyleEvents
 from crowd.state import State, Strides
 from kernels import blending, clips, leg_cycle
 from kernels.leg_cycle import KeyTimes
+from kernels.wall import Wall
 
 SLOTS = 4  # clips in a pose; of more the heaviest play
 NO_WALK = 1e-5  # share of each walk when none has weight: a standing character keeps key times
@@ -70,23 +71,39 @@ def channels(
 
 
 def weights(
-    layout: Layout, herd: HerdLayout, own: StrideAssets, control: StrideControl, character: Character, state: State
+    layout: Layout,
+    herd: HerdLayout,
+    own: StrideAssets,
+    control: StrideControl,
+    character: Character,
+    state: State,
+    wall: Wall,
 ) -> Array:
-    """[M, n] smoothed weights within each style: polar gradient bands of the smoothed velocity (3.2, 3.4)."""
-    gait: Strides = state.gait
-    sin, cos = jnp.sin(state.yaw), jnp.cos(state.yaw)
-    x, _, z = gait.velocity
-    query = jnp.stack([x * cos - z * sin, x * sin + z * cos]) / character.scale
-    band = blending.cartesian if layout.bands == "cartesian" else blending.polar
+    """[M, n] smoothed weights within each style: gradient bands of the smoothed velocity (3.1, 3.2, 3.4)."""
+    query = wall(_query, character, state)
     rows: list[Array | None] = [None] * len(herd.motions)
     for style in sorted({motion.style for motion in herd.motions}):
         members = [m for m, motion in enumerate(herd.motions) if motion.style == style]
-        found = band(own.velocity[:, jnp.array(members)], query)
+        samples = own.velocity[:, jnp.array(members)]
+        if layout.bands == "cartesian":
+            found = blending.cartesian(samples, query, wall)
+        else:
+            found = blending.weights(wall(blending.bands, samples), query, layout.compat, wall)
         for place, m in enumerate(members):
             rows[m] = found[place]
-    wanted = jnp.stack([row for row in rows if row is not None])
     share = jnp.minimum(layout.dt / jnp.maximum(control.blend_time, 1e-6), 1.0)
-    return gait.blend + (wanted - gait.blend) * share
+
+    def smoothed(blend: Array, share: Array, *wanted: Array) -> Array:
+        return blend + (jnp.stack(wanted) - blend) * share
+
+    return wall(smoothed, state.gait.blend, share, *rows)
+
+
+def _query(character: Character, state: State) -> Array:
+    """[2, n] smoothed velocity (x, z) in the character's axes, at scale 1."""
+    sin, cos = jnp.sin(state.yaw), jnp.cos(state.yaw)
+    x, _, z = state.gait.velocity
+    return jnp.stack([x * cos - z * sin, x * sin + z * cos]) / character.scale
 
 
 def blended(herd: HerdLayout, own: StrideAssets, character: Character, gait: Strides) -> Blend:

@@ -66,8 +66,7 @@ def gait(
             lambda c, s: motions.channels(herd, dt, params.styles[which], c.style, s.frame, s.gait), character, state
         ),
     )
-    weights = wall(lambda c, s: motions.weights(layout, herd, own, control, c, s), character, state)
-    state = _with(state, blend=weights)
+    state = _with(state, blend=motions.weights(layout, herd, own, control, character, state, wall))
     blend = wall(lambda c, s: motions.blended(herd, own, c, s.gait), character, state)
     cycle_s = wall(lambda c, s, b: _cycle_duration(layout.compat, own, control, c, s, b), character, state, blend)
     clocks = wall(lambda s, b, cycle_s: _clocks(herd, own, dt, s, b, cycle_s), state, blend, cycle_s)
@@ -229,10 +228,14 @@ def _up(control: StrideControl, state: State, ground_up: Array, leaning: Array, 
 
 
 def _shares(state: State, blend: Blend) -> tuple[Array, Array, Array]:
-    """Planted [L, n], lifted [L, n] and share of the flight [L, n]. A foot that another clip moves is not planted."""
+    """Planted, lifted and share of the flight [L, n]. A foot that another clip moves is not planted."""
     time, keys = state.gait.time, blend.keys
     planted = (time <= keys.liftoff) | (time >= keys.strike)
-    return planted & (blend.alignment > WHOLE), leg_cycle.lifted(time, keys), leg_cycle.ilerp(keys.liftoff, keys.strike, time)
+    return (
+        planted & (blend.alignment > WHOLE),
+        leg_cycle.lifted(time, keys),
+        leg_cycle.ilerp(keys.liftoff, keys.strike, time),
+    )
 
 
 def _footbase(
