@@ -40,6 +40,7 @@ ROOMS: list[tuple[str, ...]] = [
         "crowd.assets",
         "crowd.params",
         "crowd.state",
+        "crowd.stride_assets",
         "crowd.herd_assets",
         "crowd.stride_assets",
         "crowd.initial",
