@@ -94,20 +94,10 @@ class State:
 
 @pytree
 class StrideFrame:
-    """What the semi-procedural system shows of itself."""
+    """What the semi-procedural system derives; prints, cycles and phases are in its state."""
 
     heel: Array  # [3, L, n] m, world, of the posed foot
     toe: Array  # [3, L, n] m, world
-    from_position: Array  # [3, L, n] m, world, heel end of the footprints
-    from_direction: Array  # [3, L, n] m, from heel end to toe end
-    to_position: Array
-    to_direction: Array
-    goal: Array  # [3, L, n] m, world
-    time: Array  # [L, n] cycles
-    designated: Array  # [L, n] cycles
-    parked: Array  # [L, n] bool
-    phase: Array  # [L, n] int32
-    steps: Array  # [L, n] int32
     weights: Array  # [M, n] of every motion in the pose
     alignment: Array  # [n] how much of the pose is adjusted
 
@@ -159,14 +149,4 @@ def blank_frame(layout: Layout, herd: HerdLayout, state: State) -> Frame:
 
 
 def _blank_strides(herd: HerdLayout, zeros: Callable[..., Array]) -> StrideFrame:
-    places = [zeros(3, herd.legs) for _ in range(7)]
-    return StrideFrame(
-        *places,
-        time=zeros(herd.legs),
-        designated=zeros(herd.legs),
-        parked=zeros(herd.legs, kind=jnp.bool_),
-        phase=zeros(herd.legs, kind=jnp.int32),
-        steps=zeros(herd.legs, kind=jnp.int32),
-        weights=zeros(len(herd.motions)),
-        alignment=zeros(),
-    )
+    return StrideFrame(zeros(3, herd.legs), zeros(3, herd.legs), zeros(len(herd.motions)), zeros())

@@ -10,13 +10,21 @@ from jax import Array
 
 from crowd.layout import Layout
 from crowd.scene import HerdScene
-from crowd.state import State, StrideFrame
+from crowd.state import State, StrideFrame, Strides
+
+STRIDES = (
+    "time", "designated", "parked", "phase", "steps", "goal",
+    "from_position", "from_yaw", "from_normal", "from_foot", "to_position", "to_yaw", "to_normal", "to_foot",
+)  # fmt: skip
 
 
 def shown_state(state: State) -> dict[str, Array]:
     """The part of a state that is recorded."""
     names = ("position", "velocity", "yaw", "pitch", "desired", "phase", "fault")
-    return {name: getattr(state, name) for name in names}
+    shown = {name: getattr(state, name) for name in names}
+    if isinstance(state.gait, Strides):
+        shown |= {f"gait_{name}": getattr(state.gait, name) for name in STRIDES}
+    return shown
 
 
 def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Any, recorded: int) -> dict[str, np.ndarray]:
@@ -47,7 +55,7 @@ def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Any, recorded: 
         pose_orientation=frame.pose_orientation,
     )
     if frame.strides is not None:
-        out |= _strides(frame.strides, layout.record_pose)
+        out |= _strides(slim, frame.strides, layout.record_pose)
     if layout.record_pose:
         out["joint_rotation"] = frame.joint_rotation
         rest = herd.archetype.skeleton.rest_translation.astype(np.float32)
@@ -57,28 +65,38 @@ def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Any, recorded: 
     return out
 
 
-def _strides(frame: StrideFrame, footprints: bool) -> dict[str, np.ndarray]:
+def _strides(slim: dict[str, np.ndarray], frame: StrideFrame, footprints: bool) -> dict[str, np.ndarray]:
     """What the semi-procedural system shows."""
     out = dict(
         heel=frame.heel,
         toe=frame.toe,
-        cycle_time=frame.time,
-        cycle_designated=frame.designated,
-        parked=frame.parked,
-        foot_phase=frame.phase,
-        steps=frame.steps,
+        cycle_time=slim["gait_time"],
+        cycle_designated=slim["gait_designated"],
+        parked=slim["gait_parked"],
+        foot_phase=slim["gait_phase"],
+        steps=slim["gait_steps"],
         weights=frame.weights,
         alignment=frame.alignment,
     )
     if footprints:
         out |= dict(
-            footprint_from=frame.from_position,
-            footprint_from_direction=frame.from_direction,
-            footprint_to=frame.to_position,
-            footprint_to_direction=frame.to_direction,
-            footprint_goal=frame.goal,
+            footprint_from=slim["gait_from_position"],
+            footprint_from_direction=_sole(*(slim[f"gait_from_{part}"] for part in ("foot", "yaw", "normal"))),
+            footprint_to=slim["gait_to_position"],
+            footprint_to_direction=_sole(*(slim[f"gait_to_{part}"] for part in ("foot", "yaw", "normal"))),
+            footprint_goal=slim["gait_goal"],
         )
     return {name: np.asarray(values) for name, values in out.items()}
+
+
+def _sole(foot: np.ndarray, yaw: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """[..., 3] from heel end to toe end of a print: `kernels.footprint.Footprint.sole` on the host."""
+    x, z = np.moveaxis(foot, -1, 0)
+    sin, cos = np.sin(yaw), np.cos(yaw)
+    x, z = x * cos + z * sin, z * cos - x * sin
+    nx, ny, nz = np.moveaxis(normal, -1, 0)
+    along = nx * x + nz * z
+    return np.stack([x - nx * along / (1.0 + ny), -along, z - nz * along / (1.0 + ny)], -1)
 
 
 def _untiled(values: np.ndarray, count: int) -> np.ndarray:

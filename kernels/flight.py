@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 from kernels.footprint import Footprint, about, tilted, turned_towards
 from kernels.leg_cycle import KeyTimes, ilerp
 from kernels.vec import TINY, cross, dot, unit
+from kernels.wall import Wall, no_wall
 
 
 class Footbase(NamedTuple):
@@ -62,22 +63,32 @@ def support(
     keys: KeyTimes,
     direction: Float[Array, "2 *b"],
     way: Float[Array, "*b"],
+    wall: Wall = no_wall,
 ) -> Support:
     """Supporting height (4.8). stance: stance places turned to the body's yaw, relative to the root; direction: unit
     (x, z) of travel in the world; way: m travelled in a cycle. Feet in mid-flight hardly count.
 
     The footprints' own yaw turns the travel in the original; the body's is used here: the same while it goes straight.
     """
-    weight = 0.5 + 0.5 * jnp.cos(2.0 * jnp.pi * time) + 1e-3
-    share = 0.5 - 0.5 * jnp.cos(jnp.pi * ilerp(keys.lift, keys.land, time))
-    ahead = jnp.stack([direction[0], jnp.zeros_like(way), direction[1]]) * way
-    here = before.position + tilted(ahead[:, None], before.normal) * time
-    there = after.position + tilted(ahead[:, None], after.normal) * (time - 1.0)
-    footing = here + (there - here) * share
-    total = weight.sum(0)
-    height = ((footing[1] - stance[1]) * weight).sum(0) / total
-    travel = ((after.position - before.position) * (1.0 - weight + 2e-3)).sum(1)
-    return Support(height, footing, travel)
+
+    def followed(before: Footprint, after: Footprint, time: Array, share: Array, direction: Array, way: Array) -> Array:
+        ahead = (jnp.stack([direction[0], jnp.zeros_like(way), direction[1]]) * way)[:, None]
+        here = before.position + tilted(ahead, before.normal) * time
+        there = after.position + tilted(ahead, after.normal) * (time - 1.0)
+        return here + (there - here) * share
+
+    def mean(footing: Array, stance: Array, weight: Array) -> Array:
+        return ((footing[1] - stance[1]) * weight).sum(0) / weight.sum(0)
+
+    def travelled(before: Footprint, after: Footprint, weight: Array) -> Array:
+        return ((after.position - before.position) * (1.0 - weight + 2e-3)).sum(1)
+
+    weight = wall(lambda time: 0.5 + 0.5 * jnp.cos(2.0 * jnp.pi * time) + 1e-3, time)
+    share = wall(
+        lambda lift, land, time: 0.5 - 0.5 * jnp.cos(jnp.pi * ilerp(lift, land, time)), keys.lift, keys.land, time
+    )
+    footing = wall(followed, before, after, time, share, direction, way)
+    return Support(wall(mean, footing, stance, weight), footing, wall(travelled, before, after, weight))
 
 
 def footbase(
@@ -92,49 +103,62 @@ def footbase(
     up: Float[Array, "3 *b"],
     base_height: Float[Array, "*b"],
     most_turn: Float[Array, "*#b"],
+    wall: Wall = no_wall,
 ) -> Footbase:
     """The plate of every leg (4.10). curve: `trajectory` times the character's scale in its first two rows.
 
     root: the body's place; up: the legs' up axis; base_height: `Support.height` on the ground's level; most_turn: rad
     that a foot may turn against the body.
     """
-    flight = ilerp(keys.liftoff, keys.strike, time)
+    flight = wall(ilerp, keys.liftoff, keys.strike, time)
+    arc = wall(_arc, before, after, up)
+    place = wall(_place, root, stance, before, after, time, flight, curve, arc, up, base_height)
+    turned = wall(_turned, yaw, before, after, flight, most_turn)
+    normal = wall(_normal, before, after, flight)
+    return Footbase(place, turned, normal, wall(_sole, before, after, flight, turned, normal))
+
+
+def _place(
+    root: Array,
+    stance: Array,
+    before: Footprint,
+    after: Footprint,
+    time: Array,
+    flight: Array,
+    curve: Array,
+    arc: Array,
+    up: Array,
+    base_height: Array,
+) -> Array:
+    """[3, legs, *b] heel ends: chord, sway, terrain arc or the clip's lift, and the ground that carries the body."""
     side, lift, along = curve
-    arch = jnp.sin(jnp.pi * along)
     axis = up[:, None]
+    arch = jnp.sin(jnp.pi * along)
     start, end = before.position, after.position
-    chord = start + (end - start) * along
     stray = root[:, None] + stance - (start + (end - start) * jnp.clip(time, 0.0, 1.0))
     stray = stray - axis * dot(stray, axis)
-    raised = jnp.maximum(lift, _arc(before, after, axis) * arch)
-    way = cross(axis, end - start)
-    place = chord + stray * arch + axis * raised + unit(way) * side
+    raised = jnp.maximum(lift, arc * arch)
+    place = start + (end - start) * along + stray * arch + axis * raised + unit(cross(axis, end - start)) * side
     # the foot swings no lower than the ground that carries the body: over the edge of the step, not along its face
-    held = place + axis * ((base_height - place[1]) / axis[1])
-    wanted = place + (held - place) * jnp.sin(jnp.pi * flight)
-    place = jnp.where(dot(wanted - place, axis) > 0, wanted, place)
-    turned, normal = _attitude(yaw, before, after, flight, most_turn)
+    higher = jnp.maximum((base_height - place[1]) * jnp.sin(jnp.pi * flight), 0.0)
+    return place + axis * (higher / axis[1])
+
+
+def _sole(before: Footprint, after: Footprint, flight: Array, turned: Array, normal: Array) -> Array:
     foot = before.foot + (after.foot - before.foot) * flight
-    level = about(jnp.stack([foot[0], jnp.zeros_like(flight), foot[1]]), turned)
-    return Footbase(place, turned, normal, tilted(level, normal))
+    return tilted(about(jnp.stack([foot[0], jnp.zeros_like(flight), foot[1]]), turned), normal)
 
 
-def _arc(before: Footprint, after: Footprint, axis: Array) -> Array:
+def _arc(before: Footprint, after: Footprint, up: Array) -> Array:
     """[legs, *b] m, height of the tangents to the steeper footprint at mid-way, over the chord; 0 on any plane."""
-    half = 0.5 * (after.position - before.position)
+    axis, half = up[:, None], 0.5 * (after.position - before.position)
     own = -dot(before.normal, half) / jnp.maximum(dot(before.normal, axis), 0.1)
     other = dot(after.normal, half) / jnp.maximum(dot(after.normal, axis), 0.1)
     return jnp.maximum(jnp.maximum(own, other) * (2.0 / jnp.pi), 0.0)
 
 
-def _attitude(
-    yaw: Array,
-    before: Footprint,
-    after: Footprint,
-    flight: Array,
-    most_turn: Array,
-) -> tuple[Array, Array]:
-    """Yaw (print, body, print) and normal (print to print) of the plate.
+def _turned(yaw: Array, before: Footprint, after: Footprint, flight: Array, most_turn: Array) -> Array:
+    """Yaw of the plate: print, body, print.
 
     The original turns it between lift and land, while it still or already touches the ground with an end; here it turns
     in flight alone.
@@ -146,6 +170,9 @@ def _attitude(
     turned = jnp.where(share < 1.0, before.yaw + away * share, body + back * (share - 1.0))
     # a foot that stands is not turned by the body, however far that has gone; in flight it comes back within bounds
     bounded = turned_towards(body, turned, most_turn)
-    turned = turned + (bounded - turned) * (4.0 * flight * (1.0 - flight))
+    return turned + (bounded - turned) * (4.0 * flight * (1.0 - flight))
+
+
+def _normal(before: Footprint, after: Footprint, flight: Array) -> Array:
     normal = before.normal + (after.normal - before.normal) * flight
-    return turned, normal / jnp.sqrt(dot(normal, normal) + TINY)
+    return normal / jnp.sqrt(dot(normal, normal) + TINY)

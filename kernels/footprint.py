@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from kernels.vec import TINY, dot, unit
+from kernels.wall import Wall, no_wall
 
 LEDGE = 0.25  # of the foot's length: heel and toe further apart along the normal stand on different levels
 
@@ -92,26 +93,38 @@ def smoothed(
     cycle: Float[Array, "*#b"],
     designated: Float[Array, "*b"],
     dt: float,
+    wall: Wall = no_wall,
 ) -> tuple[Float[Array, "3 *b"], Float[Array, "3 *b"], Bool[Array, "*b"]]:
     """Footprint position, its goal, and whether that is the prediction, after the frame (4.5), while time < strike.
 
     A new step takes the prediction as it is. Later the goal follows it as long as the foot could still get there at the
     seek speed (m/s), and the print closes the gap in the time that is left. flight: share of the flight done.
     """
-    u = jnp.maximum(time / strike, 1e-3)
-    gap = predicted - current
-    reach = seek * (1.0 / u - 1.0)
-    fresh = begins | (dot(gap, gap) < reach * reach)
-    aim = jnp.where(fresh, predicted, goal)
-    error = aim - current
-    size = jnp.sqrt(dot(error, error) + TINY)
-    left = (strike - designated) * cycle  # s until the strike
-    share = (1.0 + 2.0 * (u - 1.0) ** 2) * dt / jnp.maximum(left, dt)
-    step = jnp.minimum(size, jnp.maximum(seek * dt / jnp.maximum(flight, 0.1), share * size))
-    moved = current + error * (step / size)
-    # the last bit of the way is taken whole, so that a print that has arrived stands still
-    moved = jnp.where(step >= size, aim, moved)
-    return jnp.where(begins, predicted, jnp.where(left > 0, moved, current)), aim, fresh
+
+    def follows(current: Array, predicted: Array, time: Array, strike: Array, begins: Array, seek: Array) -> Array:
+        gap = predicted - current
+        reach = seek * (1.0 / jnp.maximum(time / strike, 1e-3) - 1.0)
+        return begins | (dot(gap, gap) < reach * reach)
+
+    def closing(
+        current: Array, aim: Array, time: Array, strike: Array, flight: Array, seek: Array, left: Array
+    ) -> Array:
+        u = jnp.maximum(time / strike, 1e-3)
+        error = aim - current
+        size = jnp.sqrt(dot(error, error) + TINY)
+        share = (1.0 + 2.0 * (u - 1.0) ** 2) * dt / jnp.maximum(left, dt)
+        share = jnp.maximum(share, seek * dt / jnp.maximum(flight, 0.1) / size)
+        return jnp.where(left > 0, jnp.minimum(share, 1.0), 0.0)
+
+    def moved(current: Array, aim: Array, share: Array, begins: Array) -> Array:
+        # the last bit of the way is taken whole, so that a print that has arrived stands still
+        return jnp.where(begins | (share >= 1.0), aim, current + (aim - current) * share)
+
+    fresh = wall(follows, current, predicted, time, strike, begins, seek)
+    aim = wall(lambda fresh, predicted, goal: jnp.where(fresh, predicted, goal), fresh, predicted, goal)
+    left = wall(lambda strike, designated, cycle: (strike - designated) * cycle, strike, designated, cycle)
+    share = wall(closing, current, aim, time, strike, flight, seek, left)
+    return wall(moved, current, aim, share, begins), aim, fresh
 
 
 def placed(

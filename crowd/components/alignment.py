@@ -93,7 +93,9 @@ def feet(
     foot = wall(_foot_turn, base, turns, stride.lifted)
     points, missed, shift = solved(leg, base, foot)
     turns = _turned(leg, points, shift, wall)
-    turns, points = wall(_yawed, state, base, turns, points)
+    twist = wall(_twist, state, base, points)
+    turns = wall(lambda twist, turns: quat.multiply(twist[:, None], turns), twist, turns)
+    points = wall(_twisted, twist, points)
     segments = wall(_segments, picked, leg, turns, foot, points)
     ankle = points[:, -1]
     ball, heel, toe = wall(lambda *now: _shown(length, *now), leg, base, ankle, foot)
@@ -203,14 +205,18 @@ def _foot_turn(base: _Base, turns: Array, lifted: Array) -> Array:
     return foot_alignment.foot_orientation(carried, base.attitude, lifted)
 
 
-def _yawed(state: State, base: _Base, turns: Array, points: Array) -> tuple[Array, Array]:
-    """Bones and joints of legs that turn about their own axes by half of their feet's yaw (4.13, second pass)."""
+def _twist(state: State, base: _Base, points: Array) -> Array:
+    """[4, L, n] turn of each leg about its own axis by half of its foot's yaw (4.13, second pass)."""
     sin, cos = jnp.sin(state.yaw), jnp.cos(state.yaw)
     ahead = jnp.broadcast_to(jnp.stack([sin, jnp.zeros_like(sin), cos])[:, None], base.plate.shape)
     foot = quat.rotate(quat.about_y(base.turn), ahead)
+    return foot_alignment.leg_yaw(points[:, -1] - points[:, 0], ahead, foot)
+
+
+def _twisted(twist: Array, points: Array) -> Array:
+    """[3, B + 1, L, n] joints after the legs turned about their axes: hip and ankle stay."""
     hip = points[:, :1]
-    twist = foot_alignment.leg_yaw(points[:, -1] - points[:, 0], ahead, foot)[:, None]
-    return quat.multiply(twist, turns), hip + quat.rotate(twist, points - hip)
+    return hip + quat.rotate(twist[:, None], points - hip)
 
 
 def _segments(picked: _Picked, leg: _Leg, turns: Array, foot: Array, points: Array) -> Segments:

@@ -65,10 +65,16 @@ def footprints(
     there = wall(height, points, at)
     print_ = wall(footprint.settled, print_, points, there)
     taken, behind, ahead = wall(_handed_on, state, cycle)
-    aim, ahead, aims = wall(
-        lambda c, s, b, *now: _followed(layout, assets, c, s, b, *now),
-        character, state, blend, cycle, _apart(ahead, at), print_, cycle_s,
+    seek = wall(lambda c, s: _seek(assets, c, s.gait), character, state)
+    keys = blend.keys
+    flown = wall(leg_cycle.ilerp, keys.liftoff, keys.strike, cycle.time)
+    local, aim = (wall(lambda place, at: place - at, place, at) for place in (ahead.position, state.gait.goal))
+    position, aim, fresh = footprint.smoothed(
+        local, aim, print_.position, cycle.time, keys.strike, flown, cycle.begins, seek, cycle_s, cycle.designated,
+        layout.dt, wall,
     )  # fmt: skip
+    aims = wall(lambda time, strike: time < strike, cycle.time, keys.strike)
+    ahead = wall(_of_goal, fresh, print_, ahead, position)
     ahead = wall(_kept, aims, ahead, state, at)
     legs = wall(lambda *now: _legs(control, *now), character, state, blend, cycle, taken, behind, ahead)
     goal = wall(lambda aims, aim, at, goal: jnp.where(aims, aim + at, goal), aims, aim, at, state.gait.goal)
@@ -95,10 +101,6 @@ def yaw_due(character: Character, state: State) -> Array:
     """[n] rad, where the body's yaw goes: to the heading asked for, less what it stays behind one that turns evenly."""
     late = character.yaw_damping / jnp.maximum(character.yaw_gain, 1e-3)
     return state.facing - state.gait.facing_rate * late
-
-
-def _apart(print_: Footprint, at: Array) -> Footprint:
-    return print_._replace(position=print_.position - at)
 
 
 def _predicted(
@@ -148,37 +150,19 @@ def _handed_on(state: State, cycle: Cycle) -> tuple[Array, Footprint, Footprint]
     return taken, behind, Footprint(own.to_position, own.to_yaw, own.to_normal, own.to_foot)
 
 
-def _followed(
-    layout: Layout,
-    assets: StrideAssets,
-    character: Character,
-    state: State,
-    blend: Blend,
-    cycle: Cycle,
-    ahead: Footprint,
-    print_: Footprint,
-    cycle_s: Array,
-) -> tuple[Array, Footprint, Array]:
-    """Goal [3, L, n] and print ahead, relative, as they follow the prediction (4.5); and which legs still aim.
-
-    Yaw and normal are those of the goal, so that a print that has arrived lies on its own ground.
-    """
-    own: Strides = state.gait
+def _seek(assets: StrideAssets, character: Character, own: Strides) -> Array:
+    """[L, n] m/s, how fast a print follows its prediction."""
     x, y, z = own.before
     speed = jnp.sqrt(x * x + y * y + z * z + TINY)
     ax, ay, az = own.acceleration
     hurry = jnp.sqrt(ax * ax + ay * ay + az * az + TINY)
-    seek = jnp.maximum(3.0 * speed + 0.1 * hurry, SEEK_FEET * assets.length * character.scale)
-    keys = blend.keys
-    flown = leg_cycle.ilerp(keys.liftoff, keys.strike, cycle.time)
-    position, aim, fresh = footprint.smoothed(
-        ahead.position, own.goal - state.position[:, None], print_.position, cycle.time, keys.strike, flown,
-        cycle.begins, seek, cycle_s, cycle.designated, layout.dt,
-    )  # fmt: skip
-    yaw = jnp.where(fresh, print_.yaw, ahead.yaw)
-    normal = jnp.where(fresh, print_.normal, ahead.normal)
-    foot = jnp.where(fresh, print_.foot, ahead.foot)
-    return aim, Footprint(position, yaw, normal, foot), cycle.time < keys.strike
+    return jnp.maximum(3.0 * speed + 0.1 * hurry, SEEK_FEET * assets.length * character.scale)
+
+
+def _of_goal(fresh: Array, print_: Footprint, ahead: Footprint, position: Array) -> Footprint:
+    """Yaw, normal and foot are those of the goal, so that a print that has arrived lies on its own ground."""
+    chosen = (jnp.where(fresh, new, old) for new, old in zip(print_[1:], ahead[1:], strict=True))
+    return Footprint(position, *chosen)
 
 
 def _kept(aims: Array, ahead: Footprint, state: State, at: Array) -> Footprint:

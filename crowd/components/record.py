@@ -7,13 +7,12 @@ import numpy as np
 from jax import Array
 
 from crowd.components.feet import Feet
-from crowd.components.footing import relative
 from crowd.components.pose import Hung
 from crowd.components.sense import Surroundings
 from crowd.components.skin import Load
 from crowd.components.strides import Stride
 from crowd.layout import HerdLayout, Layout
-from crowd.state import Frame, State, StrideFrame, Strides
+from crowd.state import Frame, State, StrideFrame
 from kernels import quat
 from kernels.wall import Wall
 
@@ -63,30 +62,15 @@ def frame(
 
 
 def strides(state: State, stride: Stride, legs: Feet, wall: Wall) -> StrideFrame:
-    """What the semi-procedural system shows of itself."""
-    return wall(_shown_strides, state, stride, legs.heel, legs.toe)
+    """What the semi-procedural system derives in a frame."""
 
+    def placed(position: Array, heel: Array, toe: Array) -> tuple[Array, Array]:
+        return heel + position[:, None], toe + position[:, None]
 
-def _shown_strides(state: State, stride: Stride, heel: Array, toe: Array) -> StrideFrame:
-    own: Strides = state.gait
-    at = state.position[:, None]
-    behind, ahead = relative(state)
-    return StrideFrame(
-        heel=heel + at,
-        toe=toe + at,
-        from_position=own.from_position,
-        from_direction=behind.sole,
-        to_position=own.to_position,
-        to_direction=ahead.sole,
-        goal=own.goal,
-        time=own.time,
-        designated=own.designated,
-        parked=own.parked,
-        phase=own.phase,
-        steps=own.steps,
-        weights=stride.blend.share * stride.alignment,
-        alignment=stride.alignment,
-    )
+    heel, toe = wall(placed, state.position, legs.heel, legs.toe)
+    alignment = stride.blend.alignment
+    weights = wall(lambda share, alignment: share * alignment, stride.blend.share, alignment)
+    return StrideFrame(heel, toe, weights, alignment)
 
 
 def _in_world(at: Array, place: Surroundings, hung: Hung, legs: Feet, load: Load) -> dict[str, Array]:

@@ -184,7 +184,8 @@ def _stride(
     """Lean, ground axis, footbases, up axes and shares of each leg's cycle."""
     before, after = wall(footing.relative, state)
     stance = wall(lambda s, b: about(b.stance, s.yaw), state, blend)
-    held = wall(lambda s, b, *now: _support(s, b, cycle_s, *now), state, blend, stance, before, after)
+    direction, way = wall(_way, state, cycle_s)
+    held = flight.support(stance, before, after, state.gait.time, blend.keys, direction, way, wall)
     ground_up = wall(lambda footing, s: body_tilt.ground_up(footing, s.gait.ground_up), held.footing, state)
     leaning = wall(lambda s: _leaning(control, dt, s), state)
     up = wall(lambda s, *now: _up(control, s, *now), state, ground_up, leaning, held.travel)
@@ -195,20 +196,21 @@ def _stride(
         blend,
         shares[2],
     )
-    base = wall(
-        lambda c, s, b, *now: _footbase(control, c, s, b, *now),
-        character, state, blend, stance, before, after, curve, up[1], held.height,
+    sized = wall(lambda curve, scale: jnp.stack([curve[0] * scale, curve[1] * scale, curve[2]]), curve, character.scale)
+    base = flight.footbase(
+        jnp.zeros_like(ground_up), state.yaw, stance, before, after, state.gait.time, blend.keys, sized, up[1],
+        held.height, control.most_foot_turn, wall,
     )  # fmt: skip
     planted, lifted, flown = shares
     turn = wall(lambda base, yaw: base.yaw - yaw, base, state.yaw)
     return leaning, ground_up, base, up, (planted, lifted, flown, turn)
 
 
-def _support(state: State, blend: Blend, cycle_s: Array, stance: Array, before, after) -> flight.Support:
+def _way(state: State, cycle_s: Array) -> tuple[Array, Array]:
+    """Direction [2, n] of travel in the world, and the way [n] in m in a cycle."""
     x, _, z = state.gait.before
     speed = jnp.sqrt(x * x + z * z + TINY)
-    direction = jnp.stack([x, z]) / speed
-    return flight.support(stance, before, after, state.gait.time, blend.keys, direction, speed * cycle_s)
+    return jnp.stack([x, z]) / speed, speed * cycle_s
 
 
 def _leaning(control: StrideControl, dt: float, state: State) -> Array:
@@ -236,23 +238,3 @@ def _shares(state: State, blend: Blend) -> tuple[Array, Array, Array]:
         leg_cycle.lifted(time, keys),
         leg_cycle.ilerp(keys.liftoff, keys.strike, time),
     )
-
-
-def _footbase(
-    control: StrideControl,
-    character: Character,
-    state: State,
-    blend: Blend,
-    stance: Array,
-    before,
-    after,
-    curve: Array,
-    up: Array,
-    base_height: Array,
-) -> Footbase:
-    zero = jnp.zeros_like(up)
-    sized = jnp.stack([curve[0] * character.scale, curve[1] * character.scale, curve[2]])
-    return flight.footbase(
-        zero, state.yaw, stance, before, after, state.gait.time, blend.keys, sized, up, base_height,
-        control.most_foot_turn,
-    )  # fmt: skip

@@ -61,7 +61,7 @@ def test_committed_schema_is_the_models() -> None:
 
 def test_defaults(tmp_path: Path) -> None:
     loaded = load(tmp_path, MINIMAL)
-    assert (loaded.rate_hz, loaded.seed, loaded.gait, loaded.schedule) == (60, 0, "footsteps", "mixed")
+    assert (loaded.rate_hz, loaded.seed, loaded.gait, loaded.schedule) == (60, 0, "semi_procedural", "mixed")
     assert (loaded.drag.mesh, loaded.drag.submersion, loaded.drag.b_mode) == ("skinned", "clipped", "area")
     assert loaded.frame_count == 120
     assert loaded.character_count == 3
