@@ -132,10 +132,11 @@ def test_figures_reached_and_not() -> None:
         (9.0, "reached"),
         (4.0, "reached"),
         (1.3, "falls short"),
-        (None, "not measured"),
-        (None, "not measured"),
-        (None, "not measured"),
+        *[(None, "not measured")] * 5,
     ]
+    gaits = figures(lines(human_strides_2048=3.0, human_clip_2048=2.0, dog_strides_2048=5.5, dog_clip_2048=2.5))
+    added = {figure.name: (figure.value, figure.verdict) for figure in gaits if "semi-procedural" in figure.name}
+    assert list(added.values()) == [(1.0, "reached"), (3.0, "falls short")]
 
 
 def test_failed_cases_have_no_figures() -> None:
