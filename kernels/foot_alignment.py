@@ -11,7 +11,6 @@ from jaxtyping import Array, Float
 from kernels import quat
 from kernels.vec import TINY, dot, unit
 
-MOST_DROP = 0.3  # of the legs' length in the clip: how far the hips come down at most
 STRAIGHT = 0.999  # of a leg's length: the most that hips may be away from the ankle
 
 
@@ -105,8 +104,7 @@ def hip_lift(
     rise = dot(away, up[:, None])
     level2 = dot(away, away) - rise * rise
     wants, allows = (rise + _root(radius * radius - level2) for radius in (pose_length, longest))
-    # a leg out of reach of its target whatever the height would bring the hips down to the ground
-    most = jnp.maximum(allows.min(0), -MOST_DROP * pose_length.mean(0))
+    most = allows.min(0)
     low = jnp.minimum(wants.min(0), most)
     a, b = jnp.maximum(wants.mean(0) - low, 0.0), jnp.maximum(most - low, 0.0)
     total = a + b

@@ -178,7 +178,7 @@ def bilinear(
 
 
 def upper(
-    reach: Float[Array, "*b"] | None,
+    reach: Float[Array, "*#b"] | None,
     lower: Float[Array, "*b"],
     height: Float[Array, "*b"],
     there: Bool[Array, "*b"],

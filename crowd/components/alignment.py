@@ -25,6 +25,7 @@ from kernels.footprint import tilted
 from kernels.vec import TINY, dot, unit
 from kernels.wall import Wall
 
+MOST_DROP = 0.3  # of the legs' length in the clip: how far the hips come down at most
 BEND_SHARE = 0.02  # of a bone's length: keeps the bend plane defined where the clip's leg is straight
 
 
@@ -81,7 +82,11 @@ def feet(
 
     def lift(leg: _Leg, target: Array, up: Array) -> Array:
         pose = leg.points[:, -1] - leg.points[:, 0]
-        return foot_alignment.hip_lift(leg.points[:, 0], target, up, jnp.sqrt(dot(pose, pose) + TINY), longest)
+        length = jnp.sqrt(dot(pose, pose) + TINY)
+        # a leg that is out of reach of its target at any height would bring the hips down to the ground
+        return jnp.maximum(
+            foot_alignment.hip_lift(leg.points[:, 0], target, up, length, longest), -MOST_DROP * length.mean(0)
+        )
 
     def solved(leg: _Leg, base: _Base, turn: Array | None) -> tuple[Array, Array, Array]:
         goal = wall(lambda leg, base, turn, s: reachable(leg, target(leg, base, turn), s), leg, base, turn, stride)

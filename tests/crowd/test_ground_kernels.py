@@ -20,8 +20,10 @@ from tests.crowd.grounds import EDGES, KINDS, made
 def program(ground: Ground) -> tuple[Any, Any]:
     """Layout (only its ground counts) and world."""
     layout = Layout(
-        (), 0.0, ground_layout(ground), 0, 0, True, "paper", "rigid", "clipped", "area", (), (), False, 1, True
-    )
+        herds=(), dt=0.0, ground=ground_layout(ground), regions=0, turns=0, gait="clip", bands="polar", compat=False,
+        schedule="paper", mesh="rigid", submersion="clipped", offset_mode="area", arms_up=(), forces=(),
+        record_pose=False, record_every=1, walls=True,
+    )  # fmt: skip
     return layout, ground_world(ground)
 
 

@@ -388,9 +388,11 @@ def print_at(rng: np.random.Generator, count: int) -> Any:
     return Footprint(rng.normal(size=(3, count)), rng.uniform(-9, 9, count), random_normals(rng, count, 0.5), foot)
 
 
-def settled_by_docstring(position: np.ndarray, sole: np.ndarray, ground: np.ndarray) -> tuple[np.ndarray]:
+def settled_by_docstring(
+    position: np.ndarray, sole: np.ndarray, points: np.ndarray, ground: np.ndarray
+) -> tuple[np.ndarray]:
     """Bumps lift; walls before or behind the middle are stepped back from to the nearest clear sample."""
-    inside = [(ground[k] - (position + sole * k / 4)[1]) for k in range(5)]
+    inside = list(ground - points[1])
     wall = [h > 0.25 * np.linalg.norm(sole) for h in inside]
     ahead, behind = wall[3] or wall[4], wall[0] or wall[1]
     if wall[2] or (ahead and behind):
@@ -408,11 +410,13 @@ def test_sole_points_and_settled() -> None:
     rng = np.random.default_rng(11)
     print_ = print_at(rng, 600)
     sole = columns(lambda f, a, n: (arc(UP, n) @ yawed(a) @ level(f),), print_.foot, print_.yaw, print_.normal)[0]
-    points = np.stack([print_.position + sole * k / 4 for k in range(5)], 1)
+    room = footprint.ROOM  # the points reach over both ends by this share
+    shares = [(1 + 2 * room) * k / 4 - room for k in range(5)]
+    points = np.stack([print_.position + sole * share for share in shares], 1)
     assert_matches(footprint.sole_points, points, print_)
     ground = points[1] + rng.uniform(-0.1, 0.07, (5, 600))
     ground += np.where(rng.uniform(size=(5, 600)) < 0.15, 0.2, 0.0)
-    (expected,) = columns(settled_by_docstring, print_.position, sole, ground)
+    (expected,) = columns(settled_by_docstring, print_.position, sole, points, ground)
     assert_matches(lambda p, q, g: footprint.settled(p, q, g).position, expected, print_, points, ground)
     few = [Footprint(*(a[..., :6] for a in print_)), points[..., :6], ground[..., :6]]
     assert_matches_in_batches(lambda p, q, g: footprint.settled(p, q, g).position, expected[..., :6], *few)
