@@ -25,7 +25,7 @@ from kernels.footprint import tilted
 from kernels.vec import TINY, dot, unit
 from kernels.wall import Wall
 
-MOST_DROP = 0.3  # of the legs' length in the clip: how far the hips come down at most
+MOST_DROP = 0.5  # of the legs' length in the clip: how far the hips come down at most
 BEND_SHARE = 0.02  # of a bone's length: keeps the bend plane defined where the clip's leg is straight
 
 

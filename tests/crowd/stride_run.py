@@ -40,7 +40,7 @@ def model() -> dict[str, Any]:
     }  # fmt: skip
     events = [{"at_s": 6.0, "clip": "jump", "characters": [JUMP]}]
     record = {"rate_hz": RATE, "pose": True}
-    return scenario([people], ground=GROUND, events=events) | {"record": record}
+    return scenario([people], gait="semi_procedural", ground=GROUND, events=events) | {"record": record}
 
 
 class Orders:
