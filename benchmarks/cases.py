@@ -14,7 +14,7 @@ SPEED = {"human": 1.3, "dog": 1.0, "hexapod": 0.3}
 
 @dataclass(frozen=True)
 class Case:
-    """One program: herds of built-in characters on level ground, stepped on a number of devices (cores)."""
+    """One program: herds of built-in characters, stepped on a number of devices (cores)."""
 
     name: str
     herds: tuple[tuple[str, int], ...]  # (built-in archetype, characters)
@@ -22,6 +22,7 @@ class Case:
     water: bool = True
     gait: Literal["semi_procedural", "footsteps", "clip"] = "footsteps"
     devices: int = 1
+    rubble: bool = False  # a height grid under everything, whose every look-up is four reads; otherwise flat
 
     @property
     def count(self) -> int:
@@ -41,10 +42,10 @@ CASES = (
     Case("hexapod-rigid-2048", (("hexapod", 2048),)),
     Case("human-dog-rigid-2048", (("human", 1024), ("dog", 1024))),
     Case("human-dog-hexapod-rigid-2048", (("human", 768), ("dog", 640), ("hexapod", 640))),
-    Case("human-strides-2048", (("human", 2048),), water=False, gait="semi_procedural"),
-    Case("human-clip-2048", (("human", 2048),), water=False, gait="clip"),
-    Case("dog-strides-2048", (("dog", 2048),), water=False, gait="semi_procedural"),
-    Case("dog-clip-2048", (("dog", 2048),), water=False, gait="clip"),
+    Case("human-strides-2048", (("human", 2048),), water=False, gait="semi_procedural", rubble=True),
+    Case("human-clip-2048", (("human", 2048),), water=False, gait="clip", rubble=True),
+    Case("dog-strides-2048", (("dog", 2048),), water=False, gait="semi_procedural", rubble=True),
+    Case("dog-clip-2048", (("dog", 2048),), water=False, gait="clip", rubble=True),
     Case("human-rigid-2048-2dev", (("human", 2048),), devices=2),
     Case("human-skinned-2048-2dev", (("human", 2048),), mesh="skinned", devices=2),
 )
@@ -65,6 +66,8 @@ QUICK = (
 
 def scenario(case: Case) -> dict[str, Any]:
     """The scenario of a case, as a mapping that `crowd.load` takes."""
+    flat = {"kind": "flat", "height_m": 0.0}
+    rubble = {"kind": "rubble", "amplitude_m": 0.1, "cell_m": 0.4}
     fluids = [{"fluid": "water", "surface_m": DEPTH}] if case.water else []
     return {
         "name": case.name,
@@ -73,7 +76,7 @@ def scenario(case: Case) -> dict[str, Any]:
         "rate_hz": RATE,
         "drag": {"mesh": case.mesh},
         "gait": case.gait,
-        "world": {"ground": {"kind": "flat", "height_m": 0.0}, "fluids": fluids},
+        "world": {"ground": rubble if case.rubble else flat, "fluids": fluids},
         "herds": [
             {
                 "name": archetype,

@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from kernels import quat
+from kernels.trig import arctan2
 from kernels.vec import TINY, cross, dot, norm, unit
 from kernels.wall import Wall, no_wall
 
@@ -117,7 +118,7 @@ def _leg(bones: Float[Array, "3 bones *b"]) -> _Leg:
 def _angles(bones: Float[Array, "3 bones *b"]) -> Float[Array, "joints *b"]:
     """Between neighbouring bones, 0 to pi; right angles with bones of length 0."""
     a, b = unit(bones[:, :-1]), unit(bones[:, 1:])
-    return jnp.arctan2(norm(cross(a, b)), dot(a, b))
+    return arctan2(norm(cross(a, b)), dot(a, b))
 
 
 def _bends_at(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from kernels.trig import sin_cos
+
 
 def _decay(z: Float[Array, "*b"]) -> tuple[Float[Array, "*b"], Float[Array, "*b"]]:
     """(1 - exp(-z)) / z and (1 - (1 - exp(-z)) / z) / z, finite at z = 0 (1 and 1/2)."""
@@ -68,8 +70,9 @@ def orientation(
     # over-damped: exp(-decay) cosh(root) and exp(-decay) sinh(root)/root from two decaying exponentials
     slow, fast = jnp.exp(root - decay), jnp.exp(-root - decay)
     e = jnp.exp(-decay)
-    cosine = jnp.where(under, e * jnp.cos(root), 0.5 * (slow + fast))
-    sine = jnp.where(under, e * jnp.sin(root), 0.5 * (slow - fast)) / root
+    sin, cos = sin_cos(root)
+    cosine = jnp.where(under, e * cos, 0.5 * (slow + fast))
+    sine = jnp.where(under, e * sin, 0.5 * (slow - fast)) / root
     cosine = jnp.where(near, e * (1.0 - 0.5 * square), cosine)
     sine = jnp.where(near, e * (1.0 - square / 6.0), sine)
     offset = angle - rest

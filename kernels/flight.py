@@ -12,6 +12,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from kernels import trig
 from kernels.footprint import Footprint, about, tilted, turned_towards
 from kernels.leg_cycle import KeyTimes, ilerp
 from kernels.vec import TINY, cross, dot, unit
@@ -83,9 +84,9 @@ def support(
     def travelled(before: Footprint, after: Footprint, weight: Array) -> Array:
         return ((after.position - before.position) * (1.0 - weight + 2e-3)).sum(1)
 
-    weight = wall(lambda time: 0.5 + 0.5 * jnp.cos(2.0 * jnp.pi * time) + 1e-3, time)
+    weight = wall(lambda time: 0.5 + 0.5 * trig.cos(2.0 * jnp.pi * time) + 1e-3, time)
     share = wall(
-        lambda lift, land, time: 0.5 - 0.5 * jnp.cos(jnp.pi * ilerp(lift, land, time)), keys.lift, keys.land, time
+        lambda lift, land, time: 0.5 - 0.5 * trig.cos(jnp.pi * ilerp(lift, land, time)), keys.lift, keys.land, time
     )
     footing = wall(followed, before, after, time, share, direction, way)
     return Support(wall(mean, footing, stance, weight), footing, wall(travelled, before, after, weight))
@@ -112,7 +113,8 @@ def footbase(
     """
     flight = wall(ilerp, keys.liftoff, keys.strike, time)
     arc = wall(_arc, before, after, up)
-    place = wall(_place, root, stance, before, after, time, flight, curve, arc, up, base_height)
+    arches = wall(lambda along, flight: (trig.sin(jnp.pi * along), trig.sin(jnp.pi * flight)), curve[2], flight)
+    place = wall(_place, root, stance, before, after, time, curve, arc, arches, up, base_height)
     turned = wall(_turned, yaw, before, after, flight, most_turn)
     normal = wall(_normal, before, after, flight)
     return Footbase(place, turned, normal, wall(_sole, before, after, flight, turned, normal))
@@ -124,23 +126,23 @@ def _place(
     before: Footprint,
     after: Footprint,
     time: Array,
-    flight: Array,
     curve: Array,
     arc: Array,
+    arches: tuple[Array, Array],
     up: Array,
     base_height: Array,
 ) -> Array:
     """[3, legs, *b] heel ends: chord, sway, terrain arc or the clip's lift, and the ground that carries the body."""
     side, lift, along = curve
     axis = up[:, None]
-    arch = jnp.sin(jnp.pi * along)
+    arch, swell = arches
     start, end = before.position, after.position
     stray = root[:, None] + stance - (start + (end - start) * jnp.clip(time, 0.0, 1.0))
     stray = stray - axis * dot(stray, axis)
     raised = jnp.maximum(lift, arc * arch)
     place = start + (end - start) * along + stray * arch + axis * raised + unit(cross(axis, end - start)) * side
     # the foot swings no lower than the ground that carries the body: over the edge of the step, not along its face
-    higher = jnp.maximum((base_height - place[1]) * jnp.sin(jnp.pi * flight), 0.0)
+    higher = jnp.maximum((base_height - place[1]) * swell, 0.0)
     return place + axis * (higher / axis[1])
 
 

@@ -12,6 +12,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from kernels import trig
+from kernels.trig import sin_cos
 from kernels.vec import TINY, dot, unit
 from kernels.wall import Wall, no_wall
 
@@ -50,8 +52,8 @@ def swept(velocity: Float[Array, "2 *#b"], angle: Float[Array, "*b"], time: Floa
     half = 0.5 * angle
     small = jnp.abs(half) < 1e-3
     safe = jnp.where(small, 1.0, half)
-    sin, cos = jnp.sin(half), jnp.cos(half)
-    length = jnp.where(small, 1.0 - half * half / 6.0, jnp.sin(safe) / safe) * time
+    sin, cos = sin_cos(half)
+    length = jnp.where(small, 1.0 - half * half / 6.0, trig.sin(safe) / safe) * time
     x, z = velocity
     return jnp.stack([(x * cos + z * sin) * length, (z * cos - x * sin) * length])
 
@@ -76,7 +78,7 @@ def turned_towards(
 
 def about(place: Float[Array, "3 *#b"], yaw: Float[Array, "*#b"]) -> Float[Array, "3 *b"]:
     """A place of the character frame turned by a yaw."""
-    sin, cos = jnp.sin(yaw), jnp.cos(yaw)
+    sin, cos = sin_cos(yaw)
     x, y, z = place
     return jnp.stack([x * cos + z * sin, y + 0.0 * cos, z * cos - x * sin])
 

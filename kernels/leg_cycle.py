@@ -12,6 +12,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from kernels.trig import arctan2
 from kernels.vec import TINY, smoothstep
 
 STANCE, LIFT, FLIGHT, LAND = 0, 1, 2, 3  # phases of a foot; the steps between them are the foot events
@@ -152,5 +153,5 @@ def circular_mean(
     c = sum(cosine[m] * weight[m] for m in range(cosine.shape[0]))
     s = sum(sine[m] * weight[m] for m in range(sine.shape[0]))
     none = (jnp.abs(c) < 1e-12) & (jnp.abs(s) < 1e-12)
-    turns = jnp.arctan2(s, jnp.where(none, 1.0, c)) / (2.0 * jnp.pi)
+    turns = arctan2(s, jnp.where(none, 1.0, c)) / (2.0 * jnp.pi)
     return turns - jnp.floor(turns)

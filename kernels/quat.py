@@ -5,6 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from kernels.trig import sin_cos
 from kernels.vec import TINY
 
 
@@ -56,15 +57,17 @@ def matrix(q: Float[Array, "4 *b"]) -> Float[Array, "3 3 *b"]:
 def about_y(angle: Float[Array, "*b"]) -> Float[Array, "4 *b"]:
     """Yaw: +z turns towards +x (to the left) for a positive angle, in radians."""
     half = 0.5 * angle
+    sin, cos = sin_cos(half)
     zero = jnp.zeros_like(half)
-    return jnp.stack([jnp.cos(half), zero, jnp.sin(half), zero])
+    return jnp.stack([cos, zero, sin, zero])
 
 
 def about_x(angle: Float[Array, "*b"]) -> Float[Array, "4 *b"]:
     """Pitch: +y turns towards +z (leans forward) for a positive angle, in radians."""
     half = 0.5 * angle
+    sin, cos = sin_cos(half)
     zero = jnp.zeros_like(half)
-    return jnp.stack([jnp.cos(half), jnp.sin(half), zero, zero])
+    return jnp.stack([cos, sin, zero, zero])
 
 
 def between(a: Float[Array, "3 *b"], b: Float[Array, "3 *b"]) -> Float[Array, "4 *b"]:

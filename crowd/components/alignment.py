@@ -22,6 +22,7 @@ from crowd.state import State
 from kernels import chain_ik, foot_alignment, ik, quat
 from kernels.foot_alignment import STRAIGHT
 from kernels.footprint import tilted
+from kernels.trig import sin_cos
 from kernels.vec import TINY, dot, unit
 from kernels.wall import Wall
 
@@ -212,7 +213,7 @@ def _foot_turn(base: _Base, turns: Array, lifted: Array) -> Array:
 
 def _twist(state: State, base: _Base, points: Array) -> Array:
     """[4, L, n] turn of each leg about its own axis by half of its foot's yaw (4.13, second pass)."""
-    sin, cos = jnp.sin(state.yaw), jnp.cos(state.yaw)
+    sin, cos = sin_cos(state.yaw)
     ahead = jnp.broadcast_to(jnp.stack([sin, jnp.zeros_like(sin), cos])[:, None], base.plate.shape)
     foot = quat.rotate(quat.about_y(base.turn), ahead)
     return foot_alignment.leg_yaw(points[:, -1] - points[:, 0], ahead, foot)

@@ -13,6 +13,7 @@ from crowd.layout import Layout
 from crowd.params import Character, Params
 from crowd.state import FAULT_BODY, State
 from kernels import controllers
+from kernels.trig import sin_cos
 from kernels.wall import Wall
 
 
@@ -40,7 +41,7 @@ def body(
 
 def _moved(dt: float, character: Character, state: State, course: Array, wrench: Wrench) -> Array:
     """[4, n]: velocity (x, z) after the frame and the way (x, z) meanwhile, from the controllers along both axes."""
-    sin, cos = jnp.sin(state.heading), jnp.cos(state.heading)
+    sin, cos = sin_cos(state.heading)
 
     def to_heading(v: Array) -> tuple[Array, Array]:
         return v[0] * sin + v[1] * cos, v[0] * cos - v[1] * sin

@@ -16,6 +16,7 @@ from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, Params
 from crowd.state import State
 from kernels import ik, quat
+from kernels.trig import sin_cos
 from kernels.vec import TINY, dot, unit
 from kernels.wall import Wall
 
@@ -161,9 +162,9 @@ def _down(drop: Array) -> Array:
 def _levelled(state: State, slope: Array) -> Array:
     """[4, L, n]: takes a foot from the turned and pitched body's frame to its own yaw on the ground under it."""
     half = -0.5 * state.pitch
-    sin, cos = jnp.sin(state.yaw), jnp.cos(state.yaw)
-    s = jnp.sin(half)
-    unpitch = jnp.stack([jnp.cos(half), cos * s, 0 * s, -sin * s])[:, None]
+    sin, cos = sin_cos(state.yaw)
+    s, c = sin_cos(half)
+    unpitch = jnp.stack([c, cos * s, 0 * s, -sin * s])[:, None]
     unpitch = quat.multiply(quat.about_y(state.gait.foot_yaw - state.yaw), unpitch)
     up = unit(jnp.stack([-slope[0], jnp.ones_like(slope[0]), -slope[1]]))
     flat = jnp.zeros_like(up).at[1].set(1.0)

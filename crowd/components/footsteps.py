@@ -15,6 +15,7 @@ from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, Control, Params
 from crowd.state import State
 from kernels import clips, controllers, stepping
+from kernels.trig import sin_cos
 from kernels.vec import TINY, smoothstep
 from kernels.wall import Wall
 
@@ -150,7 +151,7 @@ def _pace(
 ) -> _Pace:
     """Cadence and stride by the schedule, from the low-passed velocity."""
     dt = layout.dt
-    sin, cos = jnp.sin(state.heading), jnp.cos(state.heading)
+    sin, cos = sin_cos(state.heading)
     ahead = state.gait.smoothed[0] * sin + state.gait.smoothed[1] * cos
     left = state.gait.smoothed[0] * cos - state.gait.smoothed[1] * sin
     ahead, left = stepping.step_velocity(ahead, left, control.side_ratio * blend.speed)
@@ -261,7 +262,8 @@ def _uncrossed(
     partner = jnp.array(herd.partners)
     side = jnp.array([s if p != i else 0 for i, (s, p) in enumerate(zip(herd.sides, herd.partners, strict=True))])
     side = side.reshape(-1, 1).astype(aim.dtype)
-    left = jnp.stack([jnp.cos(state.yaw), -jnp.sin(state.yaw)])
+    sin, cos = sin_cos(state.yaw)
+    left = jnp.stack([cos, -sin])
     other = state.gait.handle[:, partner]
     gap = control.foot_gap * jnp.abs(assets.idle_rest[0] - assets.idle_rest[0, partner]) * character.scale
     across = (aim[0] - other[0]) * left[0] + (aim[1] - other[1]) * left[1]
@@ -271,7 +273,7 @@ def _uncrossed(
 
 def _turned(place: Array, yaw: Array) -> Array:
     """[2, L, n] (x, z) of the character frame turned to the world's axes."""
-    sin, cos = jnp.sin(yaw), jnp.cos(yaw)
+    sin, cos = sin_cos(yaw)
     return jnp.stack([place[0] * cos + place[1] * sin, place[1] * cos - place[0] * sin])
 
 

@@ -12,6 +12,7 @@ from crowd.components.sense import Surroundings
 from crowd.layout import Layout
 from crowd.params import Character, Params
 from crowd.state import State
+from kernels.trig import sin_cos
 
 GRAVITY = 9.81  # m/s2
 
@@ -35,7 +36,7 @@ def impulse(layout: Layout, params: Params, character: Character, state: State, 
     """Impulses of this frame, spread over it."""
     del place
     events = params.events
-    sin, cos = jnp.sin(state.yaw), jnp.cos(state.yaw)
+    sin, cos = sin_cos(state.yaw)
     total = jnp.zeros_like(state.velocity)
     for event in range(events.impulse_frame.shape[0]):
         now = jnp.where(events.impulse_frame[event] == state.frame, character.impulse[event], 0.0) / layout.dt

@@ -12,6 +12,7 @@ from crowd.layout import HerdLayout
 from crowd.params import Character
 from crowd.state import State
 from kernels import steering
+from kernels.trig import sin_cos
 from kernels.vec import TINY
 
 ARRIVAL = 0.3  # m: a way-point counts as reached
@@ -119,7 +120,7 @@ def _response(character: Character) -> Array:
 def _side_response(character: Character, state: State) -> Array:
     """[n] s, the same at right angles to the way it was last asked to walk."""
     x, z = state.desired
-    heading = jnp.stack([jnp.sin(state.heading), jnp.cos(state.heading)])
+    heading = jnp.stack(sin_cos(state.heading))
     square = x * x + z * z + 1e-6
     across = (x * heading[1] - z * heading[0]) ** 2 / square
     return steering.response_time(

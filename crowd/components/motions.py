@@ -13,6 +13,7 @@ from crowd.params import Character, StrideControl, StyleEvents
 from crowd.state import State, Strides
 from kernels import blending, clips, leg_cycle
 from kernels.leg_cycle import KeyTimes
+from kernels.trig import sin_cos
 from kernels.wall import Wall
 
 SLOTS = 4  # clips in a pose; of more the heaviest play
@@ -101,7 +102,7 @@ def weights(
 
 def _query(character: Character, state: State) -> Array:
     """[2, n] smoothed velocity (x, z) in the character's axes, at scale 1."""
-    sin, cos = jnp.sin(state.yaw), jnp.cos(state.yaw)
+    sin, cos = sin_cos(state.yaw)
     x, _, z = state.gait.velocity
     return jnp.stack([x * cos - z * sin, x * sin + z * cos]) / character.scale
 

@@ -16,6 +16,7 @@ from crowd.layout import HerdLayout, Layout
 from crowd.params import Character
 from crowd.state import FAULT_DRAG, State
 from kernels import drag, quat, skinning
+from kernels.trig import sin_cos
 from kernels.vec import cross
 from kernels.wall import Wall
 
@@ -124,6 +125,7 @@ def _applied(state: State, total: drag.Drag, hips: Array) -> tuple[Array, Array,
 def _torques(yaw: Array, force: Array, arm: Array, slope: Array) -> tuple[Array, Array, Array]:
     """(C_P - C_M) x F [3, n], its yaw and pitch components [2, n], and the slopes of force and both torques [3, n]."""
     torque = cross(arm, force)
-    pitch = torque[0] * jnp.cos(yaw) - torque[2] * jnp.sin(yaw)
+    sin, cos = sin_cos(yaw)
+    pitch = torque[0] * cos - torque[2] * sin
     x, y, z = arm[0] * arm[0], arm[1] * arm[1], arm[2] * arm[2]
     return torque, jnp.stack([torque[1], pitch]), jnp.stack([slope, slope * (x + z), slope * (x + y + z)])

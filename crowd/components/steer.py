@@ -13,6 +13,7 @@ from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, Events, Params
 from crowd.state import State
 from kernels import controllers, steering
+from kernels.trig import arctan2, sin_cos
 from kernels.wall import Wall
 
 STANDS = 1e-4  # m2/s2: a squared speed too low to have a direction
@@ -68,7 +69,7 @@ def _turned(
     """Facing and heading after the frame, and the course."""
     x, z = state.command
     moves = x * x + z * z > STANDS
-    way = jnp.where(moves, jnp.arctan2(x, jnp.where(moves, z, 1.0)), 0.0)
+    way = jnp.where(moves, arctan2(x, jnp.where(moves, z, 1.0)), 0.0)
     facing = jnp.where(state.follows & moves, way, state.facing)
     if herd.faces == "point":
         facing = jnp.where(state.looks, _towards(assets.look_at[:, None], state), facing)
@@ -81,12 +82,12 @@ def _towards(point: Array, state: State) -> Array:
     """[n] rad, direction of a point; on the point itself the facing stays."""
     x, z = point[0] - state.position[0], point[1] - state.position[2]
     off = x * x + z * z > 1e-6
-    return jnp.where(off, jnp.arctan2(jnp.where(off, x, 0.0), jnp.where(off, z, 1.0)), state.facing)
+    return jnp.where(off, arctan2(jnp.where(off, x, 0.0), jnp.where(off, z, 1.0)), state.facing)
 
 
 def _course(follows: Array, error: Array, mean: Array) -> Array:
     """[2, n] m/s: along the heading while still turning towards the command, slower the more there is to turn."""
-    cos, sin = jnp.cos(error), jnp.sin(error)
+    sin, cos = sin_cos(error)
     x, z = mean
     turned = jnp.stack([x * cos - z * sin, z * cos + x * sin]) * jnp.clip(cos, 0.2, 1.0)
     return jnp.where(follows, turned, mean)
@@ -97,7 +98,7 @@ def _events(events: Events, herd: HerdLayout, character: Character, state: State
 
     Characters face where the event says; without, the herd's `facing` holds again.
     """
-    sin, cos = jnp.sin(state.heading), jnp.cos(state.heading)
+    sin, cos = sin_cos(state.heading)
     desired, waypoint, follows, looks, facing = (
         getattr(state, name) for name in ("desired", "waypoint", "follows", "looks", "facing")
     )

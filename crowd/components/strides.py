@@ -22,6 +22,7 @@ from crowd.state import State, Strides
 from kernels import body_tilt, controllers, flight, leg_cycle
 from kernels.flight import Footbase
 from kernels.footprint import about
+from kernels.trig import sin_cos
 from kernels.vec import TINY
 from kernels.wall import Wall
 
@@ -158,7 +159,7 @@ def _ready(herd: HerdLayout, state: State, blend: Blend) -> Array:
 
     The other leg would have to step across it.
     """
-    sin, cos = jnp.sin(state.yaw), jnp.cos(state.yaw)
+    sin, cos = sin_cos(state.yaw)
     turn = controllers.wrap(state.facing - state.yaw)
     left = state.desired[0] * cos - state.desired[1] * sin
     signal = jnp.where(jnp.abs(turn) > TURNS, turn, left)
@@ -215,7 +216,7 @@ def _way(state: State, cycle_s: Array) -> tuple[Array, Array]:
 
 def _leaning(control: StrideControl, dt: float, state: State) -> Array:
     x, _, z = state.gait.acceleration
-    sin, cos = jnp.sin(state.yaw), jnp.cos(state.yaw)
+    sin, cos = sin_cos(state.yaw)
     return body_tilt.lean(control.tilt, state.gait.leaning, jnp.stack([x * cos - z * sin, x * sin + z * cos]), dt)
 
 

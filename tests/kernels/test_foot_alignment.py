@@ -43,15 +43,6 @@ def test_printed_balance() -> None:
     np.testing.assert_allclose(found, [0.5, 0.75, 0.98410, 0.01590], atol=5e-6)
 
 
-def test_arctan() -> None:
-    x = np.concatenate([np.linspace(-5, 5, 1001), np.geomspace(1e-6, 1e6, 200), -np.geomspace(1e-6, 1e6, 200)])
-    for run in (in_double, in_single):
-        np.testing.assert_allclose(run(foot_alignment.arctan, x), np.arctan(x), atol=1e-6)
-    slope = np.linspace(-3, 3, 7) + 0.1
-    assert_gradients_agree(foot_alignment.arctan, slope)
-    assert_gradient_finite(foot_alignment.arctan, np.array([0.0, 1e-30, 1e6, -1e6]))
-
-
 def test_balance() -> None:
     rng = np.random.default_rng(0)
     rise, length = 0.1 * rng.normal(size=6), rng.uniform(0.1, 0.4, 6)
