@@ -70,6 +70,16 @@ def about_x(angle: Float[Array, "*b"]) -> Float[Array, "4 *b"]:
     return jnp.stack([cos, sin, zero, zero])
 
 
+def upright(up: Float[Array, "3 *b"], yaw: Float[Array, "*b"]) -> Float[Array, "4 *b"]:
+    """Yaw, and then the smallest rotation that takes +y to the unit vector `up`; for -y the yaw alone."""
+    ux, uy, uz = up
+    sin, cos = sin_cos(0.5 * yaw)
+    w = jnp.maximum(1.0 + uy, 0.0) + 1e-7  # rounding may leave it negative
+    size = jnp.sqrt(w * w + ux * ux + uz * uz)
+    w, x, z = w / size, uz / size, -ux / size
+    return jnp.stack([w * cos, x * cos - z * sin, w * sin, x * sin + z * cos])
+
+
 def between(a: Float[Array, "3 *b"], b: Float[Array, "3 *b"]) -> Float[Array, "4 *b"]:
     """Smallest rotation that takes unit vector a to unit vector b, without trigonometry.
 

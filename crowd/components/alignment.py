@@ -126,9 +126,7 @@ def _picked(herd: HerdLayout, transforms: Array) -> _Picked:
 
 def _undo(state: State, orientation: Array, up: tuple[Array, Array]) -> Array:
     """[4, n] rotation from the body as it hangs (tilted, pitched by drag) to the body as its legs know it."""
-    vertical = jnp.zeros_like(up[1]).at[1].set(1.0)
-    legs = quat.multiply(quat.between(vertical, up[1]), quat.about_y(state.yaw))
-    return quat.multiply(legs, quat.conjugate(orientation))
+    return quat.multiply(quat.upright(up[1], state.yaw), quat.conjugate(orientation))
 
 
 def _leg(own: StrideAssets, scale: Array, picked: _Picked, undo: Array) -> _Leg:
@@ -160,8 +158,7 @@ def _weighted(
     reference = ankle + leg.heel - offset
     place = reference + (stride.base.position - reference) * share
     place = foot_alignment.limited(place, reference, control.most_adjustment * character.scale)
-    attitude = quat.multiply(quat.between(vertical, normal), quat.about_y(turn))
-    return _Base(place, plate, normal, attitude, turn)
+    return _Base(place, plate, normal, quat.upright(normal, turn), turn)
 
 
 def _reachable(leg: _Leg, target: Array, up: Array, longest: Array, softness: Array | float) -> Array:

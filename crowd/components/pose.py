@@ -43,20 +43,20 @@ def pose(herd: HerdLayout, assets: HerdAssets, character: Character, state: Stat
         full = jnp.broadcast_to(rest, (3, herd.joints, scale.shape[-1]))
         return full.at[:, jnp.array(herd.moving, int)].set(translation) * scale
 
-    def hung(yaw: Array, pitch: Array, scale: Array, up: tuple[Array, Array] | None) -> tuple[Array, Array]:
-        turn = quat.multiply(quat.about_y(yaw), quat.about_x(pitch))
-        if up is None or assets.strides is None:
-            zero = jnp.zeros_like(yaw)
-            pivot = jnp.stack([zero, assets.pivot_height * scale, zero])
-            return pivot - quat.rotate(turn, pivot), turn
+    def standing(yaw: Array, up: tuple[Array, Array] | None) -> tuple[Array, Array]:
+        if up is None:
+            return (quat.about_y(yaw),) * 2
+        return quat.upright(up[1], yaw), quat.upright(up[0], yaw)
+
+    def place(legs: Array, turn: Array, scale: Array) -> Array:
         # the body tilts about its hips, the hips lean with the legs about the ground (4.12)
-        vertical = jnp.zeros_like(up[0]).at[1].set(1.0)
-        pivot = assets.strides.pivot * scale
-        hips = quat.rotate(quat.between(vertical, up[1]), quat.rotate(quat.about_y(yaw), pivot))
-        turn = quat.multiply(quat.between(vertical, up[0]), turn)
-        return hips - quat.rotate(turn, pivot), turn
+        strides = assets.strides if poses.up else None
+        pivot = strides.pivot * scale if strides else jnp.stack([0 * scale, assets.pivot_height * scale, 0 * scale])
+        return quat.rotate(legs, pivot) - quat.rotate(turn, pivot)
 
     offset = wall(offsets, translation, assets.rest_translation, character.scale)
-    position, orientation = wall(hung, state.yaw, state.pitch, character.scale, poses.up)
+    legs, body = wall(standing, state.yaw, poses.up)
+    orientation = wall(lambda body, pitch: quat.multiply(body, quat.about_x(pitch)), body, state.pitch)
+    position = wall(place, legs, orientation, character.scale)
     transforms = forward_kinematics(herd.parents, rotation, offset, orientation, position, wall)
     return Hung(rotation, translation, transforms, position, orientation)

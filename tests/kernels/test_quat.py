@@ -110,3 +110,19 @@ def test_between_opposite_vectors_is_a_rotation() -> None:
         identity = np.array([[1.0], [0], [0], [0]]).repeat(3, 1)
         assert_close(q[:, :3, 0], identity, 1e-6)
     assert_gradient_finite(quat.between, a, b)
+
+
+def test_upright_yaws_and_then_tilts() -> None:
+    rng = np.random.default_rng(8)
+    up, yaw = unit_vectors(rng, 3, 300), rng.uniform(-7, 7, 300)
+    up = np.concatenate([up, np.array([[0.0, 0], [1, -1], [0, 0]])], 1)
+    yaw = np.append(yaw, [0.4, -2.0])
+    vertical = np.zeros_like(up)
+    vertical[1] = 1.0
+    tilt = in_double(quat.between, vertical, up)
+    expected = in_double(quat.multiply, tilt, in_double(quat.about_y, yaw))
+    near = up[1] > -0.99
+    assert_close(in_double(quat.upright, up, yaw), expected, 1e-12)
+    assert_close(in_single(quat.upright, up, yaw)[:, near], expected[:, near], 2e-5)
+    assert_gradients_agree(quat.upright, up[:, near][:, :8], yaw[near][:8])
+    assert_gradient_finite(quat.upright, up, yaw)
