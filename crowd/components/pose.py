@@ -45,7 +45,8 @@ def pose(herd: HerdLayout, assets: HerdAssets, character: Character, state: Stat
 
     def standing(yaw: Array, up: tuple[Array, Array] | None) -> tuple[Array, Array]:
         if up is None:
-            return (quat.about_y(yaw),) * 2
+            turn = quat.about_y(yaw)
+            return turn, turn
         return quat.upright(up[1], yaw), quat.upright(up[0], yaw)
 
     def place(legs: Array, turn: Array, scale: Array) -> Array:
