@@ -26,6 +26,7 @@ class StrideAssets:
     toe: Array  # [3, L, 1] m, in the frame of the ball
     length: Array  # [L, 1] m, of the feet
     reach: Array  # [L, 1] m, of the legs, hip to ankle along the bones
+    nearest: Array  # [L, 1] m, the least distance from hip to ankle: of the leg folded
     pivot: Array  # [3, 1] m, mean of the hips in the rest pose
     extra_rate: Array  # [extras] 1/s of the other clips
 
@@ -50,6 +51,7 @@ class HerdAssets:
     bend: Array  # [3, L, 1] unit, mean direction in which the knee bends, character frame
     arm_length: Array  # [] m
     arm_outward: Array  # [3, A, 1] unit, away from the body, character frame
+    spread: Array  # [] m, about how far from the middle the feet stand while it walks
     pivot_height: Array  # [] m, of the hips: the body pitches about them
     skin_local: Array  # [influences, 4, V]
     rigid_mesh: RigidMesh

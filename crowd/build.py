@@ -51,7 +51,9 @@ def build(scene: Scene, devices: int = 1, walls: bool = True, tile: int = TILE) 
         fluids=_fluids(scene),
         control=_control(),
         events=_events(scene),
-        strides=tuple(stride_control(herd) for herd in scene.herds) if layout.gait == "semi_procedural" else (),
+        strides=tuple(stride_control(herd, layout.compat) for herd in scene.herds)
+        if layout.gait == "semi_procedural"
+        else (),
         characters=tuple(Character(**_tiled(_character(scene, herd), devices, tile)) for herd in scene.herds),
         styles=tuple(_styles(scene, herd) for herd in scene.herds),
     )

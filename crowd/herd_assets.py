@@ -22,6 +22,7 @@ from kernels.drag import RigidMesh
 CROUCH = 0.85  # of the hips' rest height: how low the body comes for a long stride
 BLOCK = 16  # triangles per block of the rigid mesh
 MOVING = 1e-4  # m: a joint whose translation varies less is rigid
+STEP = 0.4  # of the height of the hips: half a common step
 
 
 def herd_layout(herd: HerdScene) -> HerdLayout:
@@ -63,6 +64,11 @@ def herd_layout(herd: HerdScene) -> HerdLayout:
     )
 
 
+def _spread(stand: np.ndarray, height: float) -> float:
+    """m, how far from the middle feet [S, L, 3] stand, and at least as far as a step takes them under such hips."""
+    return max(float(np.hypot(*stand.mean(0)[:, [0, 2]].T).max()), STEP * height)
+
+
 def herd_assets(herd: HerdScene) -> HerdAssets:
     """Device tables of a herd; shapes are those of `herd_layout`."""
     rig, gaits = herd.archetype, herd.gaits
@@ -70,6 +76,7 @@ def herd_assets(herd: HerdScene) -> HerdAssets:
     poses = _poses(herd)
     _, at_rest = posing.world_transforms(rig.skeleton, posing.rest_motion(rig.skeleton))
     stand, _ = feet(rig, idle_rotation, idle_translation)
+    pivot_height = max(float(at_rest[[leg.hip for leg in rig.legs], 1].mean()), 0.05)
     arm_length = max([_length(at_rest, arm.shoulder, arm.elbow, arm.hand) for arm in rig.arms], default=1.0)
     outward = np.array([[arm.side, 0.0, 0.35] for arm in rig.arms]).reshape(-1, 3)
     outward = outward / np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-9)
@@ -92,7 +99,8 @@ def herd_assets(herd: HerdScene) -> HerdAssets:
         bend=_array(_bend(rig, gaits).T[..., None]),
         arm_length=_array(np.array(arm_length)),
         arm_outward=_array(outward.T[..., None]),
-        pivot_height=_array(np.array(max(at_rest[[leg.hip for leg in rig.legs], 1].mean(), 0.05))),
+        spread=_array(np.array(_spread(stand, pivot_height))),
+        pivot_height=_array(np.array(pivot_height)),
         skin_local=_array(_influences(rig.mesh)[1]),
         rigid_mesh=_blocks(rig.mesh)[1],
         waypoints=_array(np.asarray(waypoints, float).reshape(-1, 2).T[..., None]),

@@ -58,6 +58,7 @@ class StrideControl:
     most_turn: Array  # rad, of the body in a cycle
     most_acceleration: Array  # m/s2, harder ones hurry the steps
     blend_time: Array  # s, over which weights follow the velocity
+    upright: Array  # m2, how strongly the axis of the ground keeps to the vertical
     tilt: Tilt
 
 

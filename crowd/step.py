@@ -56,7 +56,11 @@ def step(
     # the mesh of the frame before is large and only the drag reads it: it does not travel through the walls
     state = dataclasses.replace(state, previous=())
     with jax.named_scope("sense"):
-        place = wall(lambda position: sense.sense(layout, world, params.fluids, position), state.position)
+        place = wall(
+            lambda c, s: sense.sense(layout, world, params.fluids, s.position, s.yaw, assets.spread * c.scale),
+            character,
+            state,
+        )
     with jax.named_scope("steer"):
         state, course = steer.steer(layout, herd, assets, params, character, state, wall)
     with jax.named_scope("forces"):

@@ -15,7 +15,8 @@ from crowd.params import StrideControl
 from crowd.scenario_herd import Locomotion
 from crowd.scene import HerdScene, Scene
 from crowd.types import Archetype, Clip, Leg
-from kernels.body_tilt import Tilt
+from kernels.body_tilt import UPRIGHT, Tilt
+from kernels.foot_alignment import STRAIGHT
 
 FLIGHT_SAMPLES = 33
 BEND_SAMPLES = 16
@@ -91,6 +92,7 @@ def stride_assets(herd: HerdScene) -> StrideAssets:
         toe=_array(np.array([foot.toe_tip for foot in herd.feet]).T[..., None]),
         length=_array(np.array([foot.length for foot in herd.feet])[:, None]),
         reach=_array(np.array([_reach(at_rest, chain) for chain in chains(herd)])[:, None]),
+        nearest=_array(np.array([_folded(at_rest, chain) for chain in chains(herd)])[:, None]),
         pivot=_array(at_rest[[leg.hip for leg in rig.legs]].mean(0)[:, None]),
         extra_rate=_array(np.array([1.0 / clip.duration for clip in herd.extras])),
     )
@@ -113,11 +115,18 @@ def _flight(motion: AnalysedMotion) -> np.ndarray:
     return np.stack(rows)
 
 
+def _folded(at: np.ndarray, chain: tuple[int, ...]) -> float:
+    """m: where one bone is longer than all others together they cannot bring the ankle back to the hip."""
+    whole = _reach(at, chain)
+    longest = max(np.linalg.norm(at[a] - at[b]) for a, b in itertools.pairwise(chain))
+    return float(max(2.0 * longest - whole, 0.0) + (1.0 - STRAIGHT) * 2.0 * whole)
+
+
 def _reach(at: np.ndarray, chain: tuple[int, ...]) -> float:
     return float(sum(np.linalg.norm(at[a] - at[b]) for a, b in itertools.pairwise(chain)))
 
 
-def stride_control(herd: HerdScene) -> StrideControl:
+def stride_control(herd: HerdScene, compat: bool = False) -> StrideControl:
     """Constants of a herd; lengths left out follow from the length of its legs."""
     given: Locomotion = herd.model.locomotion
     rig = herd.archetype
@@ -137,6 +146,7 @@ def stride_control(herd: HerdScene) -> StrideControl:
         most_turn=_array(np.array(np.radians(given.max_step_turn_deg))),
         most_acceleration=chosen(given.max_step_acceleration_m_s2, 5.0 * size),
         blend_time=_array(np.array(given.blend_s)),
+        upright=_array(np.array(UPRIGHT if compat else UPRIGHT * size**2)),
         tilt=Tilt(
             chosen(given.hug_across, hug_x),
             chosen(given.hug_along, hug_z),

@@ -13,6 +13,8 @@ from jaxtyping import Array, Float
 
 from kernels.vec import TINY, dot, unit
 
+UPRIGHT = 0.1  # m2, of a person
+
 
 class Tilt(NamedTuple):
     """How much a body tilts; every field broadcasts to the characters."""
@@ -25,19 +27,23 @@ class Tilt(NamedTuple):
     accelerate_sensitivity: Array  # s/m; 0: never
 
 
-def ground_up(footing: Float[Array, "3 legs *b"], before: Float[Array, "3 *b"]) -> Float[Array, "3 *b"]:
+def ground_up(
+    footing: Float[Array, "3 legs *b"], before: Float[Array, "3 *b"], bias: Float[Array, "*#b"] | float = UPRIGHT
+) -> Float[Array, "3 *b"]:
     """Up axis of the plane through the feet with unit height, near the one before where feet do not say it.
 
-    footing: `Support.footing`. before: this axis in the frame before (y = 1).
+    footing: `Support.footing`. before: this axis in the frame before (y = 1). bias: m2, pull towards the vertical, on
+    the scale of the squared distances between the feet; the original has `UPRIGHT` whatever the size of the character,
+    and small ones then hardly follow the ground.
     """
     middle = footing.mean(1)
     away = footing - middle[:, None]
     size2 = dot(away, away)
     along = dot(away, before[:, None])
     total = (before[:, None] * size2 - away * along).sum(1)
-    up = total.at[1].add(0.1)
-    steep = up[1] > 1e-6
-    return jnp.where(steep, up / jnp.where(steep, up[1], 1.0), before)
+    up = total.at[1].add(bias)
+    usable = up[1] > 1e-6
+    return jnp.where(usable, up / jnp.where(usable, up[1], 1.0), before)
 
 
 def lean(

@@ -12,6 +12,7 @@ from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, StrideControl, StyleEvents
 from crowd.state import State, Strides
 from kernels import blending, clips, leg_cycle
+from kernels.footprint import about
 from kernels.leg_cycle import KeyTimes
 from kernels.trig import sin_cos
 from kernels.wall import Wall
@@ -107,8 +108,11 @@ def _query(character: Character, state: State) -> Array:
     return jnp.stack([x * cos - z * sin, x * sin + z * cos]) / character.scale
 
 
-def blended(herd: HerdLayout, own: StrideAssets, character: Character, gait: Strides) -> Blend:
+def blended(
+    layout: Layout, herd: HerdLayout, own: StrideAssets, control: StrideControl, character: Character, state: State
+) -> Blend:
     """Leg data of the mixture. Key times come from walk cycles alone (3.5)."""
+    gait: Strides = state.gait
     styles = max(motion.style for motion in herd.motions) + 1
     total = gait.channel[:styles].sum(0)
     nothing = total < 1e-6
@@ -123,7 +127,19 @@ def blended(herd: HerdLayout, own: StrideAssets, character: Character, gait: Str
     stance, foot = (
         jnp.stack([mixed(table[k], share) for k in range(3)]) * character.scale for table in (own.stance, own.foot)
     )
+    if not layout.compat:
+        stance = _hugged(control, state, stance)
     return Blend(share, share, jnp.clip(total, 0.0, 1.0), keys, phase, stance, foot)
+
+
+def _hugged(control: StrideControl, state: State, stance: Array) -> Array:
+    """Stance places of a body that lies along the ground: as much nearer, seen from above, as its hips are.
+
+    The original leaves them where they are on level ground, out of reach of the front legs where it is steep downhill.
+    """
+    up = about(state.gait.ground_up, -state.yaw)
+    x, z = up[0] * control.tilt.hug_x, up[2] * control.tilt.hug_z
+    return jnp.stack([stance[0] / jnp.sqrt(1.0 + x * x), stance[1], stance[2] / jnp.sqrt(1.0 + z * z)])
 
 
 def columns(herd: HerdLayout, own: StrideAssets, state: State, blend: Blend) -> tuple[Array, Array]:

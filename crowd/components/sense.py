@@ -13,6 +13,7 @@ from crowd.params import Fluids
 from kernels import terrain
 from kernels.drag import Fluid
 from kernels.fluid import sigmoid
+from kernels.trig import sin_cos
 from kernels.wall import Wall, no_wall, through
 
 
@@ -127,8 +128,32 @@ def fluid(layout: Layout, fluids: Fluids, place: Array) -> Fluid:
     return found
 
 
-def sense(layout: Layout, world: World, fluids: Fluids, position: Array) -> Surroundings:
-    """Everything about the place [3, n] a character stands at."""
+def sense(
+    layout: Layout, world: World, fluids: Fluids, position: Array, yaw: Array | None = None, reach: Array | None = None
+) -> Surroundings:
+    """Everything about the place [3, n] a character stands at.
+
+    The slope is that of the ground within `reach` [n] m of it, along and across its yaw [n]: feet stand about there,
+    and the pebble below the body's middle carries nothing. Where the ground is uneven a body is so neither pushed about
+    nor stopped by every edge. Without `reach` it is the slope at the place itself.
+    """
     place = position[jnp.array([0, 2])]
-    level, slope = ground(layout, world, place, position[1])
+    if reach is None or yaw is None:
+        level, slope = ground(layout, world, place, position[1])
+    else:
+        level = height(layout, world, place, position[1])
+        slope = _slope_about(layout, world, place, level, position[1], yaw, reach)
     return Surroundings(level, slope, fluid(layout, fluids, place))
+
+
+def _slope_about(
+    layout: Layout, world: World, place: Array, level: Array, altitude: Array, yaw: Array, reach: Array
+) -> Array:
+    """[2, n] slope by differences over `reach` to both sides; what is further up or down than that counts as that."""
+    sin, cos = sin_cos(yaw)
+    way = jnp.stack([jnp.stack([sin, cos]), jnp.stack([cos, -sin])], 1) * reach  # [2, ahead and left, n]
+    points = jnp.stack([place[:, None] + way, place[:, None] - way], 1)  # [2, ends, ahead and left, n]
+    found = height(layout, world, points, jnp.broadcast_to(altitude, points.shape[1:]))
+    rise = jnp.clip(found - level, -reach, reach)
+    ahead, left = (rise[0] - rise[1]) / (2.0 * reach)
+    return jnp.stack([ahead * sin + left * cos, ahead * cos - left * sin])

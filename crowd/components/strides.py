@@ -68,7 +68,7 @@ def gait(
         ),
     )
     state = _with(state, blend=motions.weights(layout, herd, own, control, character, state, wall))
-    blend = wall(lambda c, s: motions.blended(herd, own, c, s.gait), character, state)
+    blend = wall(lambda c, s: motions.blended(layout, herd, own, control, c, s), character, state)
     cycle_s = wall(lambda c, s, b: _cycle_duration(layout.compat, own, control, c, s, b), character, state, blend)
     clocks = wall(lambda s, b, cycle_s: _clocks(herd, own, dt, s, b, cycle_s), state, blend, cycle_s)
     state = dataclasses.replace(state, phase=clocks["phase"], idle_phase=clocks["idle_phase"])
@@ -187,7 +187,10 @@ def _stride(
     stance = wall(lambda s, b: about(b.stance, s.yaw), state, blend)
     direction, way = wall(_way, state, cycle_s)
     held = flight.support(stance, before, after, state.gait.time, blend.keys, direction, way, wall)
-    ground_up = wall(lambda footing, s: body_tilt.ground_up(footing, s.gait.ground_up), held.footing, state)
+    ground_up = wall(
+        lambda footing, s, scale: body_tilt.ground_up(footing, s.gait.ground_up, control.upright * scale * scale),
+        held.footing, state, character.scale,
+    )  # fmt: skip
     leaning = wall(lambda s: _leaning(control, dt, s), state)
     up = wall(lambda s, *now: _up(control, s, *now), state, ground_up, leaning, held.travel)
     shares = wall(_shares, state, blend)
