@@ -140,7 +140,8 @@ def stride_control(herd: HerdScene, compat: bool = False) -> StrideControl:
 
     return StrideControl(
         most_foot_turn=_array(np.array(np.radians(given.max_foot_turn_deg))),
-        most_adjustment=chosen(given.max_adjustment_m, 0.5 * max(size, 1.0)),
+        # a foot that stands while a wide body turns above it is soon far from where the clip has it
+        most_adjustment=chosen(given.max_adjustment_m, max(0.5 * max(size, 1.0), 1.6 * _width(herd))),
         least_step=chosen(given.min_step_m, 0.2 * size),
         longest_cycle=_array(np.array(given.max_step_s)),
         most_turn=_array(np.array(np.radians(given.max_step_turn_deg))),
@@ -156,6 +157,11 @@ def stride_control(herd: HerdScene, compat: bool = False) -> StrideControl:
             chosen(given.accelerate_sensitivity_s_m, 1.0),
         ),
     )
+
+
+def _width(herd: HerdScene) -> float:
+    """m, how far the feet stand from the middle."""
+    return max(float(np.hypot(*motion.stance_position[:, [0, 2]].T).max()) for motion in herd.motions)
 
 
 def initial_strides(scene: Scene, herd: HerdScene, yaw: np.ndarray, desired: np.ndarray) -> dict[str, np.ndarray]:
