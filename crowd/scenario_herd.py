@@ -142,7 +142,7 @@ class Locomotion(Model):
     max_foot_turn_deg: Angle = 45.0
     """Of a foot against the body."""
     max_adjustment_m: Positive | None = None
-    """Of a foot against the clip (0.5 m for a person)."""
+    """Of a foot against the clip (0.5 m for a person, more for wide bodies, which turn above their standing feet)."""
     blend_s: NotNegative = 0.2
     """Time over which the weights of clips follow the velocity."""
     hug_across: Share | None = None
