@@ -128,21 +128,15 @@ def fluid(layout: Layout, fluids: Fluids, place: Array) -> Fluid:
     return found
 
 
-def sense(
-    layout: Layout, world: World, fluids: Fluids, position: Array, yaw: Array | None = None, reach: Array | None = None
-) -> Surroundings:
+def sense(layout: Layout, world: World, fluids: Fluids, position: Array, yaw: Array, reach: Array) -> Surroundings:
     """Everything about the place [3, n] a character stands at.
 
     The slope is that of the ground within `reach` [n] m of it, along and across its yaw [n]: feet stand about there,
-    and the pebble below the body's middle carries nothing. Where the ground is uneven a body is so neither pushed about
-    nor stopped by every edge. Without `reach` it is the slope at the place itself.
+    and the pebble below the body's middle carries nothing.
     """
     place = position[jnp.array([0, 2])]
-    if reach is None or yaw is None:
-        level, slope = ground(layout, world, place, position[1])
-    else:
-        level = height(layout, world, place, position[1])
-        slope = _slope_about(layout, world, place, level, position[1], yaw, reach)
+    level = height(layout, world, place, position[1])
+    slope = _slope_about(layout, world, place, level, position[1], yaw, reach)
     return Surroundings(level, slope, fluid(layout, fluids, place))
 
 
