@@ -126,7 +126,7 @@ def _reach(at: np.ndarray, chain: tuple[int, ...]) -> float:
     return float(sum(np.linalg.norm(at[a] - at[b]) for a, b in itertools.pairwise(chain)))
 
 
-def stride_control(herd: HerdScene, compat: bool = False) -> StrideControl:
+def stride_control(herd: HerdScene, compat: bool) -> StrideControl:
     """Constants of a herd; lengths left out follow from the length of its legs."""
     given: Locomotion = herd.model.locomotion
     rig = herd.archetype

@@ -87,7 +87,7 @@ def bands(samples: Float[Array, "2 m"]) -> Bands:
     energy = x * x + z * z
     idle = energy < NOTHING
     speed = jnp.sqrt(jnp.where(idle, 1.0, energy))
-    angle = arctan2(jnp.where(idle, 0.0, x), jnp.where(idle, 1.0, z))
+    angle = arctan2(x, z)
     turn = _wrapped(angle - angle[:, None])  # [i, j] from i to j
     mean = 0.5 * (speed + speed[:, None])
     faster = (speed - speed[:, None]) / mean
@@ -131,9 +131,7 @@ def weights(
 
 def _direction(query: Float[Array, "2 *b"]) -> Float[Array, "*b"]:
     """Angle from +z to +x, rad; 0 at standstill."""
-    x, z = query
-    stands = x * x + z * z < NOTHING
-    return arctan2(jnp.where(stands, 0.0, x), jnp.where(stands, 1.0, z))
+    return arctan2(query[0], query[1])
 
 
 def _walking(bands: Bands, direction: Float[Array, "*b"], speed: Float[Array, "*b"]) -> Float[Array, "m *b"]:

@@ -84,3 +84,15 @@ def up_axes(
     body = unit(jnp.stack([hug[0] + lean_x + climb_x, hug[1], hug[2] + lean_z + climb_z]))
     legs = unit(jnp.stack([lean_x, jnp.ones_like(lean_x), lean_z]))
     return body, legs
+
+
+def hugged(
+    tilt: Tilt, ground: Float[Array, "3 *b"], stance: Float[Array, "3 legs *b"]
+) -> Float[Array, "3 legs *b"]:
+    """Stance places of a body that lies along the ground: as much nearer, seen from above, as its hips are.
+
+    ground: `ground_up` turned to the character. The original leaves them where they are on level ground, out of reach
+    of the front legs where it is steep downhill. Upright bodies keep theirs.
+    """
+    x, z = ground[0] * tilt.hug_x, ground[2] * tilt.hug_z
+    return jnp.stack([stance[0] / jnp.sqrt(1.0 + x * x), stance[1], stance[2] / jnp.sqrt(1.0 + z * z)])

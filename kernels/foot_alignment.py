@@ -13,6 +13,7 @@ from kernels.trig import arctan2
 from kernels.vec import TINY, cross, dot, unit
 
 STRAIGHT = 0.999  # of a leg's length: the most that hips may be away from the ankle
+MOST_DRAWN = 0.25  # of the legs' length: how far the hips follow legs that do not reach, or make way
 
 
 def balance(rise: Float[Array, "*b"], length: Float[Array, "*#b"]) -> Float[Array, "*b"]:
@@ -106,6 +107,28 @@ def hip_lift(
     total = a + b
     moves = total > 1e-6
     return low + jnp.where(moves, a * b / jnp.where(moves, total, 1.0), 0.0)
+
+
+def drawn(
+    hip: Float[Array, "3 legs *b"],
+    target: Float[Array, "3 legs *b"],
+    shift: Float[Array, "3 *b"],
+    nearest: Float[Array, "legs *#b"],
+    longest: Float[Array, "legs *#b"],
+) -> Float[Array, "3 *b"]:
+    """The hips' shift, m, drawn on to legs that would not reach and away from those that cannot fold so far.
+
+    Where their height alone (`hip_lift`) cannot help; the original has nothing there. The mean of what those legs miss,
+    weighted by it: one leg gets all, legs on opposite sides get nothing. At most `MOST_DRAWN` of the legs' mean length.
+    nearest, longest: m from hip to ankle, what a leg can do. A target on the hip itself draws nowhere.
+    """
+    way = target - hip - shift[:, None]
+    far = jnp.sqrt(dot(way, way) + TINY)
+    missing = far - jnp.clip(far, nearest, longest)
+    size = jnp.abs(missing)
+    missed = (way * (missing * size / far)).sum(1) / (size.sum(0) + 1e-6)
+    most = MOST_DRAWN * longest.mean(0)
+    return shift + missed * jnp.minimum(1.0, most / jnp.sqrt(dot(missed, missed) + TINY))
 
 
 def _root(square: Array) -> Array:

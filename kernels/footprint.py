@@ -137,7 +137,6 @@ def placed(
     at_toe: Hit,
     least_normal_y: Float[Array, "*#b"],
     window: Float[Array, "*#b"],
-    avoid_ledges: bool,
 ) -> Footprint:
     """The print on the ground under a heel at `heel` with the foot vector `foot` (heel to toe, x and z, m).
 
@@ -158,14 +157,14 @@ def placed(
     rise = dot(b - a, mean)
     along = _along_both(sole, b - a, mean)
     apart = (jnp.abs(rise) > LEDGE * jnp.sqrt(dot(sole, sole) + TINY)) | (along[1] <= least_normal_y)
-    ledge = both & apart & avoid_ledges
+    ledge = both & apart
     by_toe = jnp.where(both, ledge & (rise > 0), good_b & ~good_a)
     by_toe = jnp.where(both | one, by_toe, ~hit_a & hit_b)
     up = jnp.zeros_like(mean).at[1].set(1.0)
     single = jnp.where(both | one, jnp.where(by_toe, normal_b, normal_a), up)
     normal = jnp.where(both & ~ledge, along, single)
     ahead = tilted(sole, normal)
-    shift = jnp.where((ledge | one) & avoid_ledges, jnp.where(by_toe, 0.5, -0.5), 0.0)
+    shift = jnp.where(ledge | one, jnp.where(by_toe, 0.5, -0.5), 0.0)
     position = jnp.where(by_toe, b - ahead, a) + ahead * shift
     missed = ~(hit_a | hit_b)
     return Footprint(jnp.where(missed, heel, position), yaw, jnp.where(missed, up, normal), foot)

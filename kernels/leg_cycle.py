@@ -67,8 +67,8 @@ def duration(
     fits = (speed > 1e-5) & (clip_speed > 1e-6)
     base = jnp.where(fits, base * clip_speed / jnp.where(fits, speed, 1.0), base)
     base = jnp.minimum(base, most_turn / jnp.maximum(turn, 1e-6))
-    hurry = most_acceleration / jnp.maximum(acceleration, 1e-6)
-    return jnp.minimum(jnp.clip(hurry, 0.5 * base, base), longest)
+    rush = most_acceleration / jnp.maximum(acceleration, 1e-6)
+    return jnp.minimum(jnp.clip(rush, 0.5 * base, base), longest)
 
 
 def hurry(twist: Float[Array, "legs *b"], most: Float[Array, "*#b"]) -> Float[Array, "*b"]:
@@ -152,6 +152,5 @@ def circular_mean(
     """Weighted mean of phases on the circle, cycles in [0, 1) (3.5); cosine, sine: of 2 pi phase. 0 when all cancel."""
     c = sum(cosine[m] * weight[m] for m in range(cosine.shape[0]))
     s = sum(sine[m] * weight[m] for m in range(sine.shape[0]))
-    none = (jnp.abs(c) < 1e-12) & (jnp.abs(s) < 1e-12)
-    turns = arctan2(s, jnp.where(none, 1.0, c)) / (2.0 * jnp.pi)
+    turns = arctan2(s, c) / (2.0 * jnp.pi)
     return turns - jnp.floor(turns)

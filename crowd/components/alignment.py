@@ -27,7 +27,6 @@ from kernels.vec import TINY, dot, unit
 from kernels.wall import Wall
 
 MOST_DROP = 0.5  # of the legs' length in the clip: how far the hips come down at most
-MOST_DRAWN = 0.25  # of the legs' length: how far the hips follow legs that do not reach, or make way
 BEND_SHARE = 0.02  # of a bone's length: keeps the bend plane defined where the clip's leg is straight
 
 
@@ -94,7 +93,10 @@ def feet(
         goal = wall(lambda leg, base, turn, s: reachable(leg, target(leg, base, turn), s), leg, base, turn, stride)
         shift = wall(lambda leg, goal, up: up * lift(leg, goal, up), leg, goal, stride.up[1])
         if not layout.compat:
-            shift = wall(lambda leg, goal, shift: _drawn(leg, goal, shift, nearest, longest), leg, goal, shift)
+            shift = wall(
+                lambda leg, goal, shift: foot_alignment.drawn(leg.points[:, 0], goal, shift, nearest, longest),
+                leg, goal, shift,
+            )  # fmt: skip
         return *_bent(assets, state, leg, goal, shift, wall), shift
 
     points, missed, shift = solved(leg, base, None)
@@ -162,21 +164,6 @@ def _weighted(
     place = reference + (stride.base.position - reference) * share
     place = foot_alignment.limited(place, reference, control.most_adjustment * character.scale)
     return _Base(place, plate, normal, quat.upright(normal, turn), turn)
-
-
-def _drawn(leg: _Leg, target: Array, shift: Array, nearest: Array, longest: Array) -> Array:
-    """[3, n] the hips' shift, drawn on to legs that would not reach, and away from those that cannot fold so far.
-
-    Where their height alone cannot help. The mean of what those legs miss, weighted by it: one leg gets all, legs on
-    opposite sides get nothing.
-    """
-    way = target - leg.points[:, 0] - shift[:, None]
-    far = jnp.sqrt(dot(way, way) + TINY)
-    missing = far - jnp.clip(far, nearest, longest)
-    size = jnp.abs(missing)
-    missed = (way * (missing * size / far)).sum(1) / (size.sum(0) + 1e-6)
-    most = MOST_DRAWN * longest.mean(0)
-    return shift + missed * jnp.minimum(1.0, most / jnp.sqrt(dot(missed, missed) + TINY))
 
 
 def _reachable(leg: _Leg, target: Array, up: Array, longest: Array, softness: Array | float) -> Array:

@@ -58,7 +58,7 @@ def footprints(
 
     def placed(heel: Array, yaw: Array, foot: Array, at_heel: Hit, at_toe: Hit, scale: Array) -> Footprint:
         window = world.max_step_height * scale
-        return footprint.placed(heel, yaw, foot, at_heel, at_toe, world.min_normal_y, window, avoid_ledges=True)
+        return footprint.placed(heel, yaw, foot, at_heel, at_toe, world.min_normal_y, window)
 
     print_ = wall(placed, heel, yaw, blend.foot[::2], at_heel, at_toe, character.scale)
     points = wall(footprint.sole_points, print_)
@@ -155,8 +155,8 @@ def _seek(assets: StrideAssets, character: Character, own: Strides) -> Array:
     x, y, z = own.before
     speed = jnp.sqrt(x * x + y * y + z * z + TINY)
     ax, ay, az = own.acceleration
-    hurry = jnp.sqrt(ax * ax + ay * ay + az * az + TINY)
-    return jnp.maximum(3.0 * speed + 0.1 * hurry, SEEK_FEET * assets.length * character.scale)
+    rush = jnp.sqrt(ax * ax + ay * ay + az * az + TINY)
+    return jnp.maximum(3.0 * speed + 0.1 * rush, SEEK_FEET * assets.length * character.scale)
 
 
 def _of_goal(fresh: Array, print_: Footprint, ahead: Footprint, position: Array) -> Footprint:

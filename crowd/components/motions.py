@@ -11,7 +11,7 @@ from crowd.assets import StrideAssets
 from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, StrideControl, StyleEvents
 from crowd.state import State, Strides
-from kernels import blending, clips, leg_cycle
+from kernels import blending, body_tilt, clips, leg_cycle
 from kernels.footprint import about
 from kernels.leg_cycle import KeyTimes
 from kernels.trig import sin_cos
@@ -25,7 +25,6 @@ class Blend(NamedTuple):
     """The mixture of motions, at the character's size. Leg data in the character frame."""
 
     share: Array  # [M, n] of all analysed motions, sum 1
-    motion_weight: Array  # [M, n] the same, for trajectories
     alignment: Array  # [n] share of analysed motions in the pose
     keys: KeyTimes  # [L, n]
     phase: Array  # [L, n] stance time on the clock
@@ -128,18 +127,9 @@ def blended(
         jnp.stack([mixed(table[k], share) for k in range(3)]) * character.scale for table in (own.stance, own.foot)
     )
     if not layout.compat:
-        stance = _hugged(control, state, stance)
-    return Blend(share, share, jnp.clip(total, 0.0, 1.0), keys, phase, stance, foot)
-
-
-def _hugged(control: StrideControl, state: State, stance: Array) -> Array:
-    """Stance places of a body that lies along the ground: as much nearer, seen from above, as its hips are.
-
-    The original leaves them where they are on level ground, out of reach of the front legs where it is steep downhill.
-    """
-    up = about(state.gait.ground_up, -state.yaw)
-    x, z = up[0] * control.tilt.hug_x, up[2] * control.tilt.hug_z
-    return jnp.stack([stance[0] / jnp.sqrt(1.0 + x * x), stance[1], stance[2] / jnp.sqrt(1.0 + z * z)])
+        up = about(gait.ground_up, -state.yaw)
+        stance = body_tilt.hugged(control.tilt, up, stance)
+    return Blend(share, jnp.clip(total, 0.0, 1.0), keys, phase, stance, foot)
 
 
 def columns(herd: HerdLayout, own: StrideAssets, state: State, blend: Blend) -> tuple[Array, Array]:

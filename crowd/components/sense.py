@@ -136,11 +136,11 @@ def sense(layout: Layout, world: World, fluids: Fluids, position: Array, yaw: Ar
     """
     place = position[jnp.array([0, 2])]
     level = height(layout, world, place, position[1])
-    slope = _slope_about(layout, world, place, level, position[1], yaw, reach)
+    slope = slope_about(layout, world, place, level, position[1], yaw, reach)
     return Surroundings(level, slope, fluid(layout, fluids, place))
 
 
-def _slope_about(
+def slope_about(
     layout: Layout, world: World, place: Array, level: Array, altitude: Array, yaw: Array, reach: Array
 ) -> Array:
     """[2, n] slope by differences over `reach` to both sides; what is further up or down than that counts as that."""

@@ -69,8 +69,7 @@ def _turned(
     """Facing and heading after the frame, and the course."""
     x, z = state.command
     moves = x * x + z * z > STANDS
-    way = jnp.where(moves, arctan2(x, jnp.where(moves, z, 1.0)), 0.0)
-    facing = jnp.where(state.follows & moves, way, state.facing)
+    facing = jnp.where(state.follows & moves, arctan2(x, z), state.facing)
     if herd.faces == "point":
         facing = jnp.where(state.looks, _towards(assets.look_at[:, None], state), facing)
     most = character.turn_rate * dt
@@ -82,7 +81,7 @@ def _towards(point: Array, state: State) -> Array:
     """[n] rad, direction of a point; on the point itself the facing stays."""
     x, z = point[0] - state.position[0], point[1] - state.position[2]
     off = x * x + z * z > 1e-6
-    return jnp.where(off, arctan2(jnp.where(off, x, 0.0), jnp.where(off, z, 1.0)), state.facing)
+    return jnp.where(off, arctan2(x, z), state.facing)
 
 
 def _course(follows: Array, error: Array, mean: Array) -> Array:

@@ -195,7 +195,7 @@ def _stride(
     up = wall(lambda s, *now: _up(control, s, *now), state, ground_up, leaning, held.travel)
     shares = wall(_shares, state, blend)
     curve = wall(
-        lambda table, b, flown: flight.trajectory(table, herd.flight_samples, b.motion_weight, flown),
+        lambda table, b, flown: flight.trajectory(table, herd.flight_samples, b.share, flown),
         own.flight,
         blend,
         shares[2],

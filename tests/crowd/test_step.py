@@ -60,19 +60,24 @@ class TestDryWalk:
         assert not np.abs(arrays["over_reach"][arrays["contact"]]).max() > 0.01
 
 
-def test_frame_rates_agree() -> None:
+GAITS = ("footsteps", "semi_procedural")
+
+
+@pytest.mark.parametrize("gait", GAITS)
+def test_frame_rates_agree(gait: str) -> None:
     """Position after 10 s in waist-deep water within 2 % from 30 to 240 Hz; the paper asks for 0.5 % in mean speed."""
     way = {}
     for rate in (30, 60, 240):
-        arrays = run(scenario([herd("p", "human", 2)], 0.9, rate_hz=rate), 10.0)["p"]
+        arrays = run(scenario([herd("p", "human", 2)], 0.9, rate_hz=rate, gait=gait), 10.0)["p"]
         way[rate] = arrays["position"][-1, :, 2] - arrays["position"][0, :, 2]
     np.testing.assert_allclose(way[30], way[240], rtol=0.02)
     np.testing.assert_allclose(way[60], way[240], rtol=0.01)
 
 
-def test_yaw_and_translation_equivariance() -> None:
+@pytest.mark.parametrize("gait", GAITS)
+def test_yaw_and_translation_equivariance(gait: str) -> None:
     """The same walk turned by 70 degrees and moved by 40 m is the same walk, turned and moved."""
-    model = scenario([herd("p", "human", 1)], 0.9)
+    model = scenario([herd("p", "human", 1)], 0.9, gait=gait)
     arrays = run(model, 4.0)["p"]
     turned_herd = {**model["herds"][0], "heading_deg": 70.0, "place": {"kind": "list", "points_m": [[40.0, -25.0]]}}
     turned = run({**model, "herds": [turned_herd]}, 4.0)["p"]
@@ -179,14 +184,15 @@ def test_stops_with_both_feet_at_rest() -> None:
         assert spread.max() < 0.25 * size
 
 
-def test_one_character_that_breaks_leaves_the_others_alone() -> None:
+@pytest.mark.parametrize("gait", GAITS)
+def test_one_character_that_breaks_leaves_the_others_alone(gait: str) -> None:
     """NaN mass for one: its fault bit is set, it stands still for ever, all others keep their bits."""
     import dataclasses
 
     from crowd import build, simulate
     from crowd.state import FAULT_BODY
 
-    loaded = scene.load(scenario([herd("p", "human", 6)], 0.9))
+    loaded = scene.load(scenario([herd("p", "human", 6)], 0.9, gait=gait))
     whole = simulate.simulate(loaded, frames=60, devices=1).herds["p"]
     layout, assets, params, states = build.build(loaded)
     mass = params.characters[0].mass.at[0, 2].set(np.nan)

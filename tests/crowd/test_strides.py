@@ -49,7 +49,7 @@ def run() -> Arrays:
 
 @pytest.fixture(scope="module")
 def least_step() -> float:
-    return float(stride_control(scene.load(stride_run.model()).herds[0]).least_step)
+    return float(stride_control(scene.load(stride_run.model()).herds[0], compat=False).least_step)
 
 
 def begins(run: Arrays) -> np.ndarray:

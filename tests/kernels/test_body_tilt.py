@@ -41,8 +41,8 @@ def proj(v: np.ndarray, n: np.ndarray) -> np.ndarray:
     return n * (v @ n) / (n @ n)
 
 
-def ground_up_by_text(footing: np.ndarray, before: np.ndarray) -> np.ndarray:
-    u = 0.1 * UP
+def ground_up_by_text(footing: np.ndarray, before: np.ndarray, bias: float = 0.1) -> np.ndarray:
+    u = bias * UP
     for e in (footing - footing.mean(1, keepdims=True)).T:
         u = u + before * (e @ e) - e * (e @ before)
     return u / u[1] if u[1] > 0 else before
@@ -87,6 +87,34 @@ def test_ground_up_settles_on_the_plane_of_the_feet() -> None:
         up = in_double(body_tilt.ground_up, footing, up)
     # a tenth of the vertical is always mixed in
     np.testing.assert_allclose(up[:, 0], [-0.3, 1.0, 0.2], atol=0.04)
+
+
+@pytest.mark.parametrize("size", [0.1, 1.0, 3.0])
+def test_characters_of_any_size_tilt_alike(size: float) -> None:
+    """The bias goes with the square of the size: a spider's axis follows the ground as a horse's does."""
+    rng = np.random.default_rng(3)
+    footing, before = rng.normal(size=(3, 4, 6)), np.concatenate([0.2 * rng.normal(size=(1, 6)), np.ones((2, 6))])
+    expected = np.stack([ground_up_by_text(footing[..., i], before[:, i], 0.05) for i in range(6)], -1)
+    bias = np.full(6, 0.05 * size**2)
+    assert_matches_in_batches(body_tilt.ground_up, expected, footing * size, before, bias, single=1e-5)
+
+
+@pytest.mark.parametrize("name", TILTS)
+def test_hugged(name: str) -> None:
+    """A body along the ground is cos of the slope shorter from above, on each axis as much as it hugs; heights stay."""
+    hug_x, hug_z = TILTS[name][:2]
+    slopes = np.radians(np.array([[-25.0, -10, 0, 10, 25, 40], [30.0, 0, 0, -20, 25, 5]]))
+    ground = np.stack([np.tan(slopes[0]), np.ones(6), np.tan(slopes[1])])
+    stance = np.random.default_rng(4).normal(size=(3, 4, 6))
+    shares = [np.cos(np.arctan(hug * np.tan(a))) for hug, a in zip((hug_x, hug_z), slopes, strict=True)]
+    expected = stance * np.stack([shares[0], np.ones(6), shares[1]])[:, None]
+
+    def kernel(ground: Any, stance: Any) -> Any:
+        return body_tilt.hugged(tilt(name, ground), ground, stance)
+
+    assert_matches_in_batches(kernel, expected, ground, stance)
+    assert_gradients_agree(kernel, ground, stance)
+    assert_gradient_finite(kernel, 0 * ground, 0 * stance)
 
 
 @pytest.mark.parametrize("name", TILTS)

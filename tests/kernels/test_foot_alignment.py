@@ -242,6 +242,49 @@ def test_hips_stay_where_the_clip_has_them() -> None:
     np.testing.assert_allclose(lift, 0.0, atol=1e-6)
 
 
+def drawn_by_text(
+    hip: np.ndarray, target: np.ndarray, shift: np.ndarray, nearest: np.ndarray, longest: np.ndarray
+) -> tuple[np.ndarray]:
+    missed, total = np.zeros(3), 0.0
+    for k in range(LEGS):
+        way = target[:, k] - hip[:, k] - shift
+        far = np.linalg.norm(way)
+        missing = max(far - longest[k], 0.0) - max(nearest[k] - far, 0.0)
+        missed = missed + abs(missing) * missing * way / far
+        total += abs(missing)
+    mean = missed / (total + 1e-6)
+    size = np.linalg.norm(mean)
+    return (shift + mean * min(1.0, 0.25 * longest.mean() / size if size > 0 else 1.0),)
+
+
+def test_drawn() -> None:
+    rng = np.random.default_rng(11)
+    for count in (6, 800):
+        hip, target, _, _, longest = hips(rng, count)
+        case = [hip, target, 0.2 * rng.normal(size=(3, count)), longest * rng.uniform(0, 1, longest.shape), longest]
+        (expected,) = columns(drawn_by_text, *case)
+        check = assert_matches_in_batches if count == 6 else assert_matches
+        check(foot_alignment.drawn, expected, *case, double=1e-6, single=1e-4)
+    assert_gradients_agree(foot_alignment.drawn, *(a[..., :6] for a in case))
+    assert_gradient_finite(foot_alignment.drawn, hip, hip, 0 * case[2], *case[3:])
+
+
+def test_what_hips_are_drawn_to() -> None:
+    """One leg out of reach gets all of it, opposite legs nothing, a leg that reaches none; no more than a quarter."""
+    nearest, longest = np.array([0.3, 0.3]), np.array([1.0, 1.0])
+    hip, ahead = np.zeros((3, 2)), np.array([0.0, 0.0, 1.0])
+
+    def shift(*far: float) -> np.ndarray:
+        target = np.stack([ahead * f for f in far], 1)
+        return in_double(foot_alignment.drawn, hip, target, np.zeros(3), nearest, longest)
+
+    np.testing.assert_allclose(shift(1.1, 0.8), 0.1 * ahead, atol=1e-5)
+    np.testing.assert_allclose(shift(1.1, -1.1), 0.0, atol=1e-9)
+    np.testing.assert_allclose(shift(0.8, -0.4), 0.0, atol=1e-9)
+    np.testing.assert_allclose(shift(0.1, 0.8), -0.2 * ahead, atol=1e-5)
+    np.testing.assert_allclose(shift(1.9, 0.8), 0.25 * ahead, atol=1e-9)
+
+
 @pytest.mark.parametrize("most", [0.0, 0.5])
 def test_limited(most: float) -> None:
     """Property 17: no further than allowed from the reference; unchanged where it is nearer."""

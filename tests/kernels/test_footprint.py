@@ -302,7 +302,7 @@ def on_grounds(rng: np.random.Generator, count: int) -> list[np.ndarray]:
 def placed(p: Any, yaw: Any, foot: Any, height_a: Any, slope_a: Any, height_b: Any, slope_b: Any) -> Any:
     least, window = jnp.array(LEAST_Y, p.dtype), jnp.array(0.7, p.dtype)
     hits = Hit(height_a, slope_a), Hit(height_b, slope_b)
-    return footprint.placed(p, yaw, foot, *hits, least, window, avoid_ledges=True)
+    return footprint.placed(p, yaw, foot, *hits, least, window)
 
 
 def ends(*now: Any) -> Any:
@@ -359,25 +359,6 @@ def test_ledge_rule() -> None:
     np.testing.assert_allclose(print_.position, [1.0, 0.3, 2.15], atol=1e-9)  # the toe's level: ahead by as much
     print_ = in_double(placed, p, np.array(0.0), foot, np.array(0.2), flat, np.array(0.2), flat)
     np.testing.assert_allclose(print_.position, [1.0, 0.2, 2.0], atol=1e-9)
-
-
-def test_ledges_are_not_avoided_where_they_need_not_be() -> None:
-    """The first prints of the original (4.2): no shift."""
-    found = on_grounds(np.random.default_rng(10), 300)
-
-    def plain(p: Any, yaw: Any, foot: Any, height_a: Any, slope_a: Any, height_b: Any, slope_b: Any) -> Any:
-        hits = Hit(height_a, slope_a), Hit(height_b, slope_b)
-        args = jnp.array(LEAST_Y, p.dtype), jnp.array(0.7, p.dtype)
-        print_ = footprint.placed(p, yaw, foot, *hits, *args, avoid_ledges=False)
-        return print_.position, print_.position + print_.sole
-
-    heel, toe = in_double(plain, *found)
-    p, _, foot = found[:3]
-    at_heel = np.abs(heel[[0, 2]] - p[[0, 2]]).max(0) < 1e-9
-    (sole,) = columns(lambda f, a: (yawed(a) @ level(f),), foot, found[1])
-    at_toe = np.abs((toe - p - sole)[[0, 2]]).max(0) < 1e-9
-    assert (at_heel | at_toe).all()
-    assert (at_toe & ~at_heel).sum() > 10
 
 
 # --- what sticks through the sole ------------------------------------------------------------------------------------
