@@ -86,9 +86,7 @@ def up_axes(
     return body, legs
 
 
-def hugged(
-    tilt: Tilt, ground: Float[Array, "3 *b"], stance: Float[Array, "3 legs *b"]
-) -> Float[Array, "3 legs *b"]:
+def hugged(tilt: Tilt, ground: Float[Array, "3 *b"], stance: Float[Array, "3 legs *b"]) -> Float[Array, "3 legs *b"]:
     """Stance places of a body that lies along the ground: as much nearer, seen from above, as its hips are.
 
     ground: `ground_up` turned to the character. The original leaves them where they are on level ground, out of reach

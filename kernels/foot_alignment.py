@@ -109,6 +109,28 @@ def hip_lift(
     return low + jnp.where(moves, a * b / jnp.where(moves, total, 1.0), 0.0)
 
 
+def folded(
+    lift: Float[Array, "*b"],
+    hip: Float[Array, "3 legs *b"],
+    target: Float[Array, "3 legs *b"],
+    up: Float[Array, "3 *b"],
+    nearest: Float[Array, "legs *#b"],
+    longest: Float[Array, "legs *#b"],
+) -> Float[Array, "*b"]:
+    """`hip_lift`, raised until no leg is folded further than it can: `nearest` m from hip to ankle.
+
+    Legs that arch (a spider's) on a bump near the body need that; the original has nothing there. Never so high that
+    another leg does not reach. A target above its hip asks for nothing.
+    """
+    away = target - hip
+    rise = dot(away, up[:, None])
+    level2 = dot(away, away) - rise * rise
+    needs = rise + _root(nearest * nearest - level2)
+    needs = jnp.where((level2 < nearest * nearest) & (rise <= lift), needs, lift).max(0)
+    most = (rise + _root(longest * longest - level2)).min(0)
+    return jnp.maximum(lift, jnp.minimum(needs, most))
+
+
 def drawn(
     hip: Float[Array, "3 legs *b"],
     target: Float[Array, "3 legs *b"],

@@ -84,10 +84,10 @@ def feet(
     def lift(leg: _Leg, target: Array, up: Array) -> Array:
         pose = leg.points[:, -1] - leg.points[:, 0]
         length = jnp.sqrt(dot(pose, pose) + TINY)
+        hip = leg.points[:, 0]
         # a leg that is out of reach of its target at any height would bring the hips down to the ground
-        return jnp.maximum(
-            foot_alignment.hip_lift(leg.points[:, 0], target, up, length, longest), -MOST_DROP * length.mean(0)
-        )
+        lift = jnp.maximum(foot_alignment.hip_lift(hip, target, up, length, longest), -MOST_DROP * length.mean(0))
+        return lift if layout.compat else foot_alignment.folded(lift, hip, target, up, nearest, longest)
 
     def solved(leg: _Leg, base: _Base, turn: Array | None) -> tuple[Array, Array, Array]:
         goal = wall(lambda leg, base, turn, s: reachable(leg, target(leg, base, turn), s), leg, base, turn, stride)

@@ -242,6 +242,41 @@ def test_hips_stay_where_the_clip_has_them() -> None:
     np.testing.assert_allclose(lift, 0.0, atol=1e-6)
 
 
+def folded_by_text(
+    lift: float, hip: np.ndarray, target: np.ndarray, up: np.ndarray, nearest: np.ndarray, longest: np.ndarray
+) -> tuple[float]:
+    needs, allows = [lift], []
+    for k in range(LEGS):
+        c = target[:, k] - hip[:, k]
+        level2 = c @ c - (c @ up) ** 2
+        if level2 < nearest[k] ** 2 and c @ up <= lift:
+            needs.append(c @ up + np.sqrt(nearest[k] ** 2 - level2))
+        allows.append(c @ up + np.sqrt(max(longest[k] ** 2 - level2, 0.0)))
+    return (max(lift, min(max(needs), min(allows))),)
+
+
+def test_folded() -> None:
+    rng = np.random.default_rng(12)
+    for count in (6, 800):
+        hip, target, up, _, longest = hips(rng, count)
+        nearest = longest * rng.uniform(0, 1, longest.shape)
+        case = [0.3 * rng.normal(size=count) - 0.3, hip, target, up, nearest, longest]
+        (expected,) = columns(folded_by_text, *case)
+        check = assert_matches_in_batches if count == 6 else assert_matches
+        check(foot_alignment.folded, expected, *case, double=2e-6, single=1e-3)
+    assert (expected > case[0] + 0.01).sum() > 50
+    assert_gradients_agree(foot_alignment.folded, *(a[..., :6] for a in case))
+    assert_gradient_finite(foot_alignment.folded, *case)
+
+
+def test_hips_rise_over_a_foot_that_is_too_near() -> None:
+    """0.3 m from the hip seen from above, a leg that folds to 0.5 m: 0.4 m higher, unless the other leg forbids it."""
+    hip, target = np.zeros((3, 2)), np.array([[0.3, 0.6], [0.0, 0.0], [0.0, 0.0]])
+    args = np.array(0.1), hip, target, UP, np.array([0.5, 0.2])
+    np.testing.assert_allclose(in_double(foot_alignment.folded, *args, np.array([2.0, 2.0])), 0.4, atol=1e-6)
+    np.testing.assert_allclose(in_double(foot_alignment.folded, *args, np.array([2.0, 0.65])), 0.25, atol=1e-6)
+
+
 def drawn_by_text(
     hip: np.ndarray, target: np.ndarray, shift: np.ndarray, nearest: np.ndarray, longest: np.ndarray
 ) -> tuple[np.ndarray]:
