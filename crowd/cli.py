@@ -157,6 +157,36 @@ def analyze(
 
 @app.command()
 @_told
+def tune(
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="Tune YAML file.")],
+    out: Annotated[Path | None, typer.Option(help="Output folder [default: runs/NAME].")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the search kept in the output folder.")] = False,
+    overrides: Overrides = None,
+) -> None:
+    """Fit constants by gradient to target values: fitted constants (YAML), residuals, identifiability, plots."""
+    from crowd.tune import Request, run_tune
+
+    run_tune(Request(config, out, resume, tuple(overrides or ())))
+
+
+@app.command()
+@_told
+def figures(
+    archetypes: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[CHARACTER]...", help="Built-in names or files [default: human dog spider]."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Output folder [default: runs/figures].")] = None,
+) -> None:
+    """Reproduce the figures and the table of the character-fluid paper (PNG, CSV), each with a pass or a fail."""
+    from crowd.figures.run import run_figures
+
+    if not run_figures(tuple(archetypes or ("human", "dog", "spider")), out or Path("runs/figures")):
+        raise typer.Exit(1)
+
+
+@app.command()
+@_told
 def schema(out: Annotated[Path | None, typer.Option(help="Write to this file.")] = None) -> None:
     """Print the JSON Schema of scenario files, for editors."""
     import json

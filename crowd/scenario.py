@@ -158,7 +158,16 @@ def load(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) 
     document, problems = apply_overrides(document, overrides, Scenario)
     if path is not None and "name" not in document.data:
         document.data["name"] = path.stem
-    folder = path.parent if path is not None else Path.cwd()
+    return _checked(document, path, path.parent if path is not None else Path.cwd(), problems)
+
+
+def load_part(document: Document, folder: Path) -> Scenario:
+    """The scenario that stands in a part of another file; raises `InputError` with every problem found."""
+    return _checked(document, folder / document.label, folder, [])
+
+
+def _checked(document: Document, path: Path | None, folder: Path, problems: list[Problem]) -> Scenario:
+    """The scenario of a mapping, whose relative files are looked for in `folder`."""
     fill_counts(document.data, folder)
     scenario, parts, found_problems = validate(document, Scenario)
     problems += found_problems

@@ -41,6 +41,14 @@ class Document:
                 return f"{self.label}:{self.lines[path[:length]]} {keys}".rstrip()
         return f"{self.label} {keys}".rstrip()
 
+    def part(self, key: str) -> Document:
+        """The document under a top-level key, with its lines."""
+
+        def below(places: dict[KeyPath, Any]) -> dict[KeyPath, Any]:
+            return {path[1:]: place for path, place in places.items() if path[:1] == (key,)}
+
+        return Document(self.label, self.data[key], below(self.lines), below(self.overridden))
+
 
 @dataclass
 class _Node:

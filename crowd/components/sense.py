@@ -108,12 +108,19 @@ def _covered(shape: GroundLayout, layer: GroundLayer, place: Array) -> Array:
     return (place[0] >= x0) & (place[0] <= x1) & (place[1] >= z0) & (place[1] <= z1)
 
 
+def coefficients(fluids: Fluids) -> tuple[Array, Array]:
+    """C_D0 and B (N) of every region [R], from its density or as its fluid says (Eq. 8)."""
+    base = sigmoid(fluids.density, fluids.base_drag.a, fluids.base_drag.b, fluids.base_drag.c)
+    offset = sigmoid(fluids.density, fluids.offset_force.a, fluids.offset_force.b, fluids.offset_force.c)
+    return (
+        jnp.where(fluids.drag_override < 0, base, fluids.drag_override),
+        jnp.where(fluids.offset_override < 0, offset, fluids.offset_override),
+    )
+
+
 def fluid(layout: Layout, fluids: Fluids, place: Array) -> Fluid:
     """The fluid at world places [2, n]: that of the last region holding it; surface -inf outside all."""
-    coefficient = sigmoid(fluids.density, fluids.base_drag.a, fluids.base_drag.b, fluids.base_drag.c)
-    offset = sigmoid(fluids.density, fluids.offset_force.a, fluids.offset_force.b, fluids.offset_force.c)
-    coefficient = jnp.where(fluids.drag_override < 0, coefficient, fluids.drag_override)
-    offset = jnp.where(fluids.offset_override < 0, offset, fluids.offset_override)
+    coefficient, offset = coefficients(fluids)
     x, z = place
     found = Fluid(jnp.zeros_like(x), jnp.zeros_like(x), jnp.full_like(x, -jnp.inf), jnp.zeros((3, *x.shape), x.dtype))
     for region in range(layout.regions):
