@@ -137,8 +137,9 @@ def _named(axes: Axes, x: str, y: str) -> None:
 def _finished(made: Figure, axes: Axes, path: Path, title: str) -> Path:
     axes.set_ylim(bottom=0)
     axes.set_xlim(0, SHOWN)
+    axes.legend(frameon=False, fontsize=9, loc="lower right")
     _named(axes, "time, s", "speed, m/s")
-    return finish(made, path, title, axes, columns=3)
+    return finish(made, path, title)
 
 
 PLOTS = {

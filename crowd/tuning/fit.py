@@ -15,7 +15,8 @@ Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Places [s, p] to residuals [s, t] and their derivatives [s, t, p]."""
 
 LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e6
-STEADY = 1e-3  # relative fall of the cost below which a start has arrived
+STEADY = 1e-2  # relative fall of the cost below which a try brought nothing
+ARRIVED = 1e-2  # cost below which a start is done
 
 
 @dataclass
@@ -64,7 +65,7 @@ def levenberg_marquardt(search: Search, evaluate: Evaluate) -> bool:
     factor = np.where(better, 1.0 / 3.0, 5.0)
     search.damping = np.clip(search.damping * factor, LEAST_DAMPING, MOST_DAMPING)
     search.history.append(search.cost.copy())
-    return bool((search.still < 3).any())
+    return bool(((search.still < 3) & (search.cost > ARRIVED)).any())
 
 
 def _steps(search: Search) -> np.ndarray:
