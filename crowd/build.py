@@ -13,14 +13,16 @@ from crowd.ground import Ground
 from crowd.ground_layer import Layer
 from crowd.herd_assets import herd_assets, herd_layout
 from crowd.initial import initial_state
-from crowd.layout import TILE, GroundLayout, Layout
-from crowd.params import Character, Control, Events, Fluids, Params, Sigmoid, StyleEvents
+from crowd.layout import TILE, FluidLayout, GroundLayout, Layout
+from crowd.params import Character, Control, Events, Fluids, Params, Sigmoid, StyleEvents, WaveTrains
 from crowd.scenario_control import turn_rate
 from crowd.scenario_herd import Event
 from crowd.scenario_world import Sigmoid as SigmoidModel
 from crowd.scene import HerdScene, Scene, by_priority
 from crowd.state import Footsteps, State, Strides
 from crowd.stride_assets import stride_control
+from crowd.wave_components import Trains
+from kernels.waves import Waves
 
 Program = tuple[Layout, Assets, Params, tuple[State, ...]]
 
@@ -110,7 +112,12 @@ def _layout(scene: Scene, walls: bool) -> Layout:
         record_pose=scenario.record.pose,
         record_every=scenario.rate_hz // scenario.record.rate_hz,
         walls=walls,
+        fluid=_fluid_layout(scene),
     )
+
+
+def _fluid_layout(scene: Scene) -> FluidLayout:
+    return FluidLayout(waves=sum(len(each.phase) for each in scene.trains() if each is not None))
 
 
 def ground_world(ground: Ground) -> World:
@@ -171,6 +178,7 @@ def _fluids(scene: Scene) -> Fluids:
     far = 1e9
     low = [(r.area_m.x[0], r.area_m.z[0]) if r.area_m else (-far, -far) for r in regions]
     high = [(r.area_m.x[1], r.area_m.z[1]) if r.area_m else (far, far) for r in regions]
+    components = scene.trains()
     return Fluids(
         base_drag=_sigmoid(table.base_drag),
         offset_force=_sigmoid(table.offset_force_n),
@@ -181,7 +189,22 @@ def _fluids(scene: Scene) -> Fluids:
         flow=_f32(np.array([region.flow_m_s for region in regions]).reshape(-1, 3).T),
         low=_f32(np.array(low).reshape(-1, 2).T),
         high=_f32(np.array(high).reshape(-1, 2).T),
+        trains=_trains(components) if any(each is not None for each in components) else None,
     )
+
+
+def _trains(regions: list[Trains | None]) -> WaveTrains:
+    """Components of all regions, one after the other."""
+    there = [(number, each) for number, each in enumerate(regions) if each is not None]
+
+    def joined(name: str) -> Any:
+        return _f32(np.concatenate([getattr(each, name) for _, each in there], -1))
+
+    names = ("amplitude", "number", "frequency", "apparent", "phase")
+    lengths = [len(each.phase) for _, each in there]
+    depth = _f32(np.repeat([each.depth for _, each in there], lengths))
+    region = _f32(np.repeat([number for number, _ in there], lengths))
+    return WaveTrains(Waves(*(joined(name) for name in names), depth), region)
 
 
 def _control() -> Control:

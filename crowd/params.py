@@ -6,6 +6,7 @@ from jax import Array
 
 from crowd.tree import pytree
 from kernels.body_tilt import Tilt
+from kernels.waves import Waves
 
 
 @pytree
@@ -15,6 +16,14 @@ class Sigmoid:
     a: Array
     b: Array
     c: Array
+
+
+@pytree
+class WaveTrains:
+    """W components of all regions, see `kernels.waves`."""
+
+    waves: Waves
+    region: Array  # [W] number of the region that each belongs to
 
 
 @pytree
@@ -30,6 +39,7 @@ class Fluids:
     flow: Array  # [3, R] m/s
     low: Array  # [2, R] m, corner of the region (x, z)
     high: Array  # [2, R] m
+    trains: WaveTrains | None = None
 
 
 @pytree

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd import characters, courses, placement
+from crowd import characters, courses, placement, wave_components
 from crowd import ground as grounds
 from crowd import scenario as scenarios
 from crowd.analysis.foot import Foot
@@ -27,6 +27,7 @@ from crowd.scenario_styles import NORMAL
 from crowd.styles import Play, Repertoire, StyleClips, repertoire, unmet
 from crowd.tracks import Track
 from crowd.types import Archetype, Clip
+from crowd.wave_components import Trains
 
 MOST_GAITS = 4
 SAMPLES = 64  # of every clip's table
@@ -94,6 +95,11 @@ class Scene:
                 inside = (x >= area.x[0]) & (x <= area.x[1]) & (z >= area.z[0]) & (z <= area.z[1])
             out = np.where(inside, region.surface_m, out)
         return out
+
+    def trains(self) -> list[Trains | None]:
+        """Wave components of the fluid regions, in the order of `by_priority`."""
+        around, seed = np.concatenate([herd.points for herd in self.herds]), self.scenario.seed
+        return [wave_components.trains(region, self.ground, around, seed) for region in by_priority(self.scenario)]
 
     @property
     def count(self) -> int:

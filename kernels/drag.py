@@ -37,7 +37,7 @@ class Fluid(NamedTuple):
 
     density_drag: Array  # C_D0 rho, kg/m3
     offset_force: Array  # B, N (per A_ref in `area` mode, per triangle in `paper` mode)
-    surface: Array  # height of the surface in the frame of the positions, m; -inf when dry
+    surface: Array  # height of the surface in the frame of the positions, m; -inf when dry; [V, *b] where not level
     flow: Array  # m/s
 
 
@@ -106,11 +106,13 @@ def skinned(
 ) -> Drag:
     """Drag on moving vertices; `velocity` is that of the vertices less the flow, m/s. triangles [T, 3] are static.
 
+    `fluid.surface` may differ over the vertices, [V, *b]: each triangle is then cut by the plane through its three.
     Triangles go through in groups whose arrays stay in a core's cache (`no_wall`: all at once, as a GPU likes it).
     """
 
     def weights(corner: Array, vertices: Array, surface: Array) -> tuple[Array, ...]:
-        a, b, c = (surface - vertices[1, corner[k]] for k in range(3))
+        own = surface.ndim == vertices.ndim - 1  # a surface of its own over every vertex
+        a, b, c = ((surface[corner[k]] if own else surface) - vertices[1, corner[k]] for k in range(3))
         if submersion == "centroid":
             share = jnp.where(a + b + c > 0, 1.0 / 3.0, 0.0)
             return share, share, share
@@ -195,7 +197,7 @@ def rigid(
     """Drag on triangles that ride on bones. bones [blocks] (static): the bone of each block.
 
     transforms: rotation and position of each bone. velocity: of each bone's origin less the flow (world axes, m/s), and
-    its angular velocity in its own frame (rad/s). Linear in the masked factor, so totals are products with constants.
+    its angular velocity in its own frame (rad/s). `fluid.surface` may differ over the bones, [J, *b]. Linear in the masked factor, so totals are products with constants.
     """
 
     def carried(transforms: Array, velocity: Array, scale: Array, surface: Array) -> Array:

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from crowd.assets import GroundLayer, World
+from crowd.components import currents
 from crowd.layout import GroundLayout, Layout
 from crowd.params import Fluids
 from kernels import terrain
@@ -23,6 +24,7 @@ class Surroundings(NamedTuple):
     ground: Array  # [n] m
     slope: Array  # [2, n] d(height)/d(x, z)
     fluid: Fluid  # surface in the world, -inf when dry
+    here: currents.Here | None = None  # where fluid is not level or not steady
 
 
 def ground(layout: Layout, world: World, place: Array, altitude: Array | None = None) -> tuple[Array, Array]:
@@ -128,8 +130,10 @@ def fluid(layout: Layout, fluids: Fluids, place: Array) -> Fluid:
     return found
 
 
-def sense(layout: Layout, world: World, fluids: Fluids, position: Array, yaw: Array, reach: Array) -> Surroundings:
-    """Everything about the place [3, n] a character stands at.
+def sense(
+    layout: Layout, world: World, fluids: Fluids, position: Array, yaw: Array, reach: Array, frame: Array
+) -> Surroundings:
+    """Everything about the place [3, n] a character stands at; frame: [n] frames it has lived.
 
     The slope is that of the ground within `reach` [n] m of it, along and across its yaw [n]: feet stand about there,
     and the pebble below the body's middle carries nothing.
@@ -137,7 +141,12 @@ def sense(layout: Layout, world: World, fluids: Fluids, position: Array, yaw: Ar
     place = position[jnp.array([0, 2])]
     level = height(layout, world, place, position[1])
     slope = slope_about(layout, world, place, level, position[1], yaw, reach)
-    return Surroundings(level, slope, fluid(layout, fluids, place))
+    found = fluid(layout, fluids, place)
+    if not layout.fluid.moving:
+        return Surroundings(level, slope, found)
+    here = currents.region(layout, fluids, place, level)
+    rise = currents.rise(layout, fluids, here, place, currents.seconds(layout, frame))
+    return Surroundings(level, slope, found._replace(surface=found.surface + rise), here)
 
 
 def slope_about(

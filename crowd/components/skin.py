@@ -11,11 +11,13 @@ import numpy as np
 from jax import Array
 
 from crowd.assets import HerdAssets
+from crowd.components import currents
 from crowd.components.sense import Surroundings
 from crowd.layout import HerdLayout, Layout
-from crowd.params import Character
+from crowd.params import Character, Fluids
 from crowd.state import FAULT_DRAG, State
 from kernels import drag, quat, skinning
+from kernels.drag import Fluid
 from kernels.trig import sin_cos
 from kernels.vec import cross
 from kernels.wall import Wall
@@ -48,6 +50,7 @@ def mesh(
 
 def fluid_drag(
     layout: Layout,
+    fluids: Fluids,
     herd: HerdLayout,
     assets: HerdAssets,
     character: Character,
@@ -66,6 +69,9 @@ def fluid_drag(
     """
     fluid = place.fluid._replace(surface=jnp.maximum(place.fluid.surface - state.position[1], -1e3))
     rate = 1.0 / layout.dt
+    if place.here is not None:
+        points = moved[4:] if layout.mesh == "rigid" else moved
+        fluid = _uneven(layout, fluids, place, state, points, wall)
     if layout.mesh == "rigid":
         velocity = wall(functools.partial(_bone_velocity, rate), moved, previous, way, fluid.flow)
         total = drag.rigid(
@@ -81,7 +87,7 @@ def fluid_drag(
         )
     else:
         velocity = wall(
-            lambda now, before, way, flow: (now - before + way[:, None]) * rate - flow[:, None],
+            lambda now, before, way, flow: (now - before + way[:, None]) * rate - _spread(flow, now),
             moved,
             previous,
             way,
@@ -95,9 +101,22 @@ def fluid_drag(
     return state, Load(force, torque, center)
 
 
+def _spread(flow: Array, over: Array) -> Array:
+    """[3, 1 or p, n]: one flow for a character, or one at each point."""
+    return flow if flow.ndim == over.ndim else flow[:, None]
+
+
+def _uneven(layout: Layout, fluids: Fluids, place: Surroundings, state: State, points: Array, wall: Wall) -> Fluid:
+    """The fluid with a surface [p, n] and a flow [3, p, n] of its own at each of the points [3, p, n] of the mesh."""
+    assert place.here is not None
+    time = currents.seconds(layout, state.frame)
+    surface, flow = currents.field(layout, fluids, place.here, state.position, time, points, wall)
+    return place.fluid._replace(surface=surface, flow=wall(lambda flow, own: flow[:, None] + own, place.fluid.flow, flow))
+
+
 def _bone_velocity(rate: float, now: Array, before: Array, way: Array, flow: Array) -> Array:
     """[6, J, n]: velocity of each bone's origin less the flow, and its spin in its own frame."""
-    linear = (now[4:] - before[4:] + way[:, None]) * rate - flow[:, None]
+    linear = (now[4:] - before[4:] + way[:, None]) * rate - _spread(flow, now)
     turn = quat.multiply(quat.conjugate(before[:4]), now[:4])
     return jnp.concatenate([linear, turn[1:] * (2.0 * rate * jnp.sign(turn[0]))])
 

@@ -33,6 +33,7 @@ ROOMS: list[tuple[str, ...]] = [
         "crowd.tracks",
         "crowd.courses",
         "crowd.ground*",
+        "crowd.wave_components",
     ),
     ("crowd.scene", "crowd.styles"),
     (
