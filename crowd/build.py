@@ -14,9 +14,10 @@ from crowd.ground_layer import Layer
 from crowd.herd_assets import herd_assets, herd_layout
 from crowd.initial import initial_state
 from crowd.layout import TILE, FluidLayout, GroundLayout, Layout
-from crowd.params import Character, Control, Events, Fluids, Params, Sigmoid, StyleEvents, WaveTrains
+from crowd.params import Character, Control, Events, Fluids, Layers, Params, Sigmoid, StyleEvents, WaveTrains
 from crowd.scenario_control import turn_rate
 from crowd.scenario_herd import Event
+from crowd.scenario_world import FluidRegion, FluidTable
 from crowd.scenario_world import Sigmoid as SigmoidModel
 from crowd.scene import HerdScene, Scene, by_priority
 from crowd.state import Footsteps, State, Strides
@@ -26,6 +27,7 @@ from kernels.waves import Waves
 
 Program = tuple[Layout, Assets, Params, tuple[State, ...]]
 
+SMALL = 0.1  # m, size below which surface tension is looked at
 AT_ONCE = 1e6  # m/s2, where one of two limits is left out
 # Gains that behaved for a person of 70 kg and 1.70 m; others are scaled with mass and size (Froude similarity).
 PERSON_MASS, PERSON_SIZE = 70.0, 1.70
@@ -83,8 +85,8 @@ def tiled(values: np.ndarray, devices: int, tile: int) -> np.ndarray:
     return np.ascontiguousarray(np.moveaxis(split, -2, 0)).astype(kind)
 
 
-def _tiled(fields: dict[str, np.ndarray], devices: int, tile: int) -> dict[str, Any]:
-    return {name: tiled(values, devices, tile) for name, values in fields.items()}
+def _tiled(fields: dict[str, Any], devices: int, tile: int) -> dict[str, Any]:
+    return {name: None if values is None else tiled(values, devices, tile) for name, values in fields.items()}
 
 
 def _layout(scene: Scene, walls: bool) -> Layout:
@@ -117,7 +119,12 @@ def _layout(scene: Scene, walls: bool) -> Layout:
 
 
 def _fluid_layout(scene: Scene) -> FluidLayout:
-    return FluidLayout(waves=sum(len(each.phase) for each in scene.trains() if each is not None))
+    return FluidLayout(
+        waves=sum(len(each.phase) for each in scene.trains() if each is not None),
+        layers=max((len(region.layers) for region in scene.scenario.world.fluids), default=0),
+        buoyancy=scene.scenario.world.buoyancy and bool(scene.scenario.world.fluids),
+        tension=tense(scene) if any(tense(scene)) else (),
+    )
 
 
 def ground_world(ground: Ground) -> World:
@@ -190,7 +197,32 @@ def _fluids(scene: Scene) -> Fluids:
         low=_f32(np.array(low).reshape(-1, 2).T),
         high=_f32(np.array(high).reshape(-1, 2).T),
         trains=_trains(components) if any(each is not None for each in components) else None,
+        layers=_layers(table, regions) if any(region.layers for region in regions) else None,
+        tension=_f32(np.array([region.surface_tension_n_m for region in regions])) if any(tense(scene)) else None,
     )
+
+
+def tense(scene: Scene) -> tuple[bool, ...]:
+    """Herds whose characters are so small that surface tension matters: the Bond number falls with the size squared."""
+    world = scene.scenario.world
+    there = world.buoyancy and any(region.surface_tension_n_m for region in world.fluids)
+    return tuple(bool(there and _extent(herd) * herd.scale.min() < SMALL) for herd in scene.herds)
+
+
+def _layers(table: FluidTable, regions: list[FluidRegion]) -> Layers:
+    """Fluids below the top ones; where a region has fewer, the rest lie far below the ground."""
+    depth = max(len(region.layers) for region in regions)
+    shape = (depth, len(regions))
+    density, top, flow = np.full(shape, 1000.0), np.full(shape, -1e6), np.zeros((3, *shape))
+    override = np.full((2, *shape), -1.0)
+    for number, region in enumerate(regions):
+        for level, layer in enumerate(region.layers):
+            at = level, number
+            density[at], top[at], flow[:, level, number] = table.fluid(layer).density_kg_m3, layer.top_m, layer.flow_m_s
+            named = table.fluids.get(layer.fluid) if layer.fluid else None
+            for row, value in enumerate((named.drag_coefficient, named.offset_force_n) if named else ()):
+                override[row, level, number] = -1.0 if value is None else value
+    return Layers(_f32(density), _f32(override[0]), _f32(override[1]), _f32(top), _f32(flow))
 
 
 def _trains(regions: list[Trains | None]) -> WaveTrains:
@@ -244,7 +276,7 @@ def _events(scene: Scene) -> Events:
     )
 
 
-def _character(scene: Scene, herd: HerdScene) -> dict[str, np.ndarray]:
+def _character(scene: Scene, herd: HerdScene) -> dict[str, Any]:
     """Fields of a herd's `Character`, not yet in tiles."""
     mass, scale = herd.mass, herd.scale
     heavy = mass / PERSON_MASS
@@ -264,6 +296,7 @@ def _character(scene: Scene, herd: HerdScene) -> dict[str, np.ndarray]:
         impulse=_chosen(scene, herd, impulses=True),
         turn=_chosen(scene, herd, impulses=False),
         style=_playing(scene, herd),
+        displaced=_displaced(herd) if scene.scenario.world.buoyancy else None,
         **values,
     )
 
@@ -307,6 +340,14 @@ def _guidance(herd: HerdScene) -> dict[str, np.ndarray]:
         turn_rate=np.full(count, turn_rate(limits)),
         track=table,
     )
+
+
+def _displaced(herd: HerdScene) -> np.ndarray:
+    """[n] kg: mass the mesh would have at the body's density."""
+    mesh = herd.archetype.mesh
+    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    volume = max(float((np.cross(a, b) * c).sum() / 6.0), 1e-12)
+    return herd.model.body_density_kg_m3 * volume * herd.scale**3
 
 
 def _extent(herd: HerdScene) -> float:

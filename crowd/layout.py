@@ -106,12 +106,14 @@ class GroundLayout:
 
 @dataclass(frozen=True)
 class FluidLayout:
-    """What the fluid has beyond level surfaces and a constant flow; parts that are 0 or False are not in the program."""
+    """What fluid has beyond a level surface and a constant flow; parts that are 0 or False are not in the program."""
 
     waves: int = 0  # components, of all regions
     layers: int = 0  # below the top fluid, of the region with most
     rivers: bool = False
     modes: int = 0  # of turbulence, of all regions
+    buoyancy: bool = False  # the weight on the feet is recorded
+    tension: tuple[bool, ...] = ()  # per herd: small enough for surface tension to matter
 
     @property
     def moving(self) -> bool:

@@ -27,6 +27,17 @@ class WaveTrains:
 
 
 @pytree
+class Layers:
+    """L fluids below the top one of R regions, from the top down."""
+
+    density: Array  # [L, R] kg/m3
+    drag_override: Array  # [L, R] as in `Fluids`
+    offset_override: Array  # [L, R]
+    top: Array  # [L, R] m
+    flow: Array  # [3, L, R] m/s
+
+
+@pytree
 class Fluids:
     """Regions in order of priority, the last one that holds a character counts. R regions."""
 
@@ -40,6 +51,8 @@ class Fluids:
     low: Array  # [2, R] m, corner of the region (x, z)
     high: Array  # [2, R] m
     trains: WaveTrains | None = None
+    layers: Layers | None = None
+    tension: Array | None = None  # [R] N/m
 
 
 @pytree
@@ -97,6 +110,7 @@ class Character:
     impulse: Array  # [E, n] 1 where an impulse event meets the character
     turn: Array  # [E, n] 1 where a velocity event meets it
     style: Array  # [E, n] 1 where an event of the herd's `StyleEvents` meets it
+    displaced: Array | None = None  # [n] kg, body density times the volume of its mesh: for buoyancy
 
 
 @pytree

@@ -194,6 +194,8 @@ class Herd(Model):
     """Way of moving at the start: a style of the character, or of `styles`."""
     styles: Styles = Field(default_factory=dict)
     """Ways of moving beside the character's own: style: {idle: ..., walk: [...], run: [...], step: [...]}."""
+    body_density_kg_m3: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=100, le=5000)] = 985.0
+    """Mass over volume, for buoyancy; the mesh counts as that large. A person with air in the lungs: 980 to 1000."""
     arms_up: Flag = True
     """Arms are kept above the surface in deep fluid."""
 

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from crowd.scenario_fluid import Density, Layer, River, Spectrum, Turbulence, Wave
 from crowd.scenario_ground import Area, Flat, Ground, Height
-from crowd.scenario_types import Model, Name, NotNegative, Number, Positive
+from crowd.scenario_types import Flag, Model, Name, NotNegative, Number, Positive
 
 
 class FluidRegion(Model):
@@ -37,6 +37,8 @@ class FluidRegion(Model):
     """Depth of the water for the waves; left out: the mean depth over the region where it is wet."""
     river: River | None = None
     turbulence: Turbulence | None = None
+    surface_tension_n_m: NotNegative = 0.0
+    """Holds up characters smaller than 0.1 m along their waterline, with `buoyancy`; 0.073 for clean water."""
 
 
 class World(Model):
@@ -48,6 +50,8 @@ class World(Model):
     max_step_height_m: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=100)] = 1.0
     """Ground further above or below a character is out of its feet's reach; it also tells levels apart."""
     fluids: tuple[FluidRegion, ...] = ()
+    buoyancy: Flag = False
+    """Record the share of its weight that each character's feet carry."""
 
 
 class Sigmoid(Model):

@@ -57,9 +57,7 @@ def step(
     state = dataclasses.replace(state, previous=())
     with jax.named_scope("sense"):
         place = wall(
-            lambda c, s: sense.sense(
-                layout, world, params.fluids, s.position, s.yaw, assets.spread * c.scale, s.frame
-            ),
+            lambda c, s: sense.sense(layout, world, params.fluids, s.position, s.yaw, assets.spread * c.scale, s.frame),
             character,
             state,
         )

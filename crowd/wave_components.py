@@ -69,15 +69,20 @@ def trains(region: FluidRegion, ground: Heights, around: np.ndarray, seed: int) 
     return Trains(amplitude, number, sigma, sigma + current @ number, phase, depth)
 
 
-def mean_depth(region: FluidRegion, ground: Heights, around: np.ndarray) -> float:
-    """m, mean of the fluid's depth over the region where there is any; without a rectangle within 30 m of `around`."""
+def ground_under(region: FluidRegion, ground: Heights, around: np.ndarray) -> np.ndarray:
+    """[33, 33] m, heights of the ground over the region; without a rectangle within 30 m of `around`."""
     area = region.area_m
     if area is not None:
         low, high = np.array([area.x[0], area.z[0]]), np.array([area.x[1], area.z[1]])
     else:
         low, high = around.min(0) - 30.0, around.max(0) + 30.0
     x, z = np.meshgrid(np.linspace(low[0], high[0], 33), np.linspace(low[1], high[1], 33))
-    depth = region.surface_m - np.broadcast_to(ground(x, z), x.shape)
+    return np.broadcast_to(ground(x, z), x.shape)
+
+
+def mean_depth(region: FluidRegion, ground: Heights, around: np.ndarray) -> float:
+    """m, mean of the fluid's depth where there is any."""
+    depth = region.surface_m - ground_under(region, ground, around)
     wet = depth[depth > 0.02]
     return float(np.clip(wet.mean(), 0.02, DEEPEST)) if len(wet) else 1.0
 

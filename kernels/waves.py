@@ -1,9 +1,10 @@
 """Linear waves on water of finite depth: a sum of sines that travel, with the motion of the water under them.
 
 Airy's theory: a component rises by a cos(theta) with theta = k.x - omega t + phase, and sigma^2 = g k tanh(k h) in the
-frame that drifts with the current U; seen from the ground omega = sigma + k.U. The water moves by a sigma cosh(k (y +
-h)) / sinh(k h) cos(theta) along the wave and a sigma sinh(k (y + h)) / sinh(k h) sin(theta) upwards, y <= 0 counted from
-the still level: free of divergence and of curl. Above the still level, in crests, it is taken as at that level.
+frame that drifts with the current U; seen from the ground omega = sigma + k.U. The water moves by
+    a sigma cosh(k (y + h)) / sinh(k h) cos(theta)  along the wave, and
+    a sigma sinh(k (y + h)) / sinh(k h) sin(theta)  upwards,
+y <= 0 counted from the still level: free of divergence and of curl. Above that, in crests, it is taken as at y = 0.
 """
 
 from __future__ import annotations

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jax import Array
 
 from crowd.assets import GroundLayer, World
-from crowd.components import currents
+from crowd.components import buoyancy, currents
 from crowd.layout import GroundLayout, Layout
-from crowd.params import Fluids
+from crowd.params import Fluids, Layers
 from kernels import terrain
 from kernels.drag import Fluid
 from kernels.fluid import sigmoid
@@ -25,6 +26,9 @@ class Surroundings(NamedTuple):
     slope: Array  # [2, n] d(height)/d(x, z)
     fluid: Fluid  # surface in the world, -inf when dry
     here: currents.Here | None = None  # where fluid is not level or not steady
+    under: tuple[Fluid, ...] = ()  # layers below the top fluid, from the top down
+    densities: tuple[Array, ...] = ()  # [n] kg/m3 of the fluid and of those under it, where buoyancy is asked for
+    tension: Array | None = None  # [n] N/m, where some are small enough
 
 
 def ground(layout: Layout, world: World, place: Array, altitude: Array | None = None) -> tuple[Array, Array]:
@@ -112,22 +116,36 @@ def _covered(shape: GroundLayout, layer: GroundLayer, place: Array) -> Array:
 
 def fluid(layout: Layout, fluids: Fluids, place: Array) -> Fluid:
     """The fluid at world places [2, n]: that of the last region holding it; surface -inf outside all."""
-    coefficient = sigmoid(fluids.density, fluids.base_drag.a, fluids.base_drag.b, fluids.base_drag.c)
-    offset = sigmoid(fluids.density, fluids.offset_force.a, fluids.offset_force.b, fluids.offset_force.c)
-    coefficient = jnp.where(fluids.drag_override < 0, coefficient, fluids.drag_override)
-    offset = jnp.where(fluids.offset_override < 0, offset, fluids.offset_override)
+    return _found(layout, fluids, place, fluids, fluids.surface, fluids.flow)
+
+
+def _found(layout: Layout, fluids: Fluids, place: Array, of: Fluids | Layers, surface: Array, flow: Array) -> Fluid:
+    """One fluid of each region at places: density and constants `of` it, surface [R] and flow [3, R]."""
+    coefficient = sigmoid(of.density, fluids.base_drag.a, fluids.base_drag.b, fluids.base_drag.c)
+    offset = sigmoid(of.density, fluids.offset_force.a, fluids.offset_force.b, fluids.offset_force.c)
+    coefficient = jnp.where(of.drag_override < 0, coefficient, of.drag_override)
+    offset = jnp.where(of.offset_override < 0, offset, of.offset_override)
     x, z = place
     found = Fluid(jnp.zeros_like(x), jnp.zeros_like(x), jnp.full_like(x, -jnp.inf), jnp.zeros((3, *x.shape), x.dtype))
     for region in range(layout.regions):
         low, high = fluids.low[:, region], fluids.high[:, region]
         inside = (x >= low[0]) & (x <= high[0]) & (z >= low[1]) & (z <= high[1])
         found = Fluid(
-            jnp.where(inside, coefficient[region] * fluids.density[region], found.density_drag),
+            jnp.where(inside, coefficient[region] * of.density[region], found.density_drag),
             jnp.where(inside, offset[region], found.offset_force),
-            jnp.where(inside, fluids.surface[region], found.surface),
-            jnp.where(inside, fluids.flow[:, region].reshape(3, *(1,) * x.ndim), found.flow),
+            jnp.where(inside, surface[region], found.surface),
+            jnp.where(inside, flow[:, region].reshape(3, *(1,) * x.ndim), found.flow),
         )
     return found
+
+
+def layers(layout: Layout, fluids: Fluids, place: Array) -> tuple[Fluid, ...]:
+    """The fluids below the top one at world places [2, n], from the top down; surface: their tops."""
+    found = []
+    for number in range(layout.fluid.layers):
+        one = jax.tree.map(lambda x, number=number: x[..., number, :], fluids.layers)
+        found.append(_found(layout, fluids, place, one, one.top, one.flow))
+    return tuple(found)
 
 
 def sense(
@@ -142,11 +160,15 @@ def sense(
     level = height(layout, world, place, position[1])
     slope = slope_about(layout, world, place, level, position[1], yaw, reach)
     found = fluid(layout, fluids, place)
-    if not layout.fluid.moving:
-        return Surroundings(level, slope, found)
-    here = currents.region(layout, fluids, place, level)
-    rise = currents.rise(layout, fluids, here, place, currents.seconds(layout, frame))
-    return Surroundings(level, slope, found._replace(surface=found.surface + rise), here)
+    under = layers(layout, fluids, place)
+    here, densities, tension = None, (), None
+    if layout.fluid.buoyancy:
+        densities, tension = buoyancy.surroundings(layout, fluids, place)
+    if layout.fluid.moving:
+        here = currents.region(layout, fluids, place, level)
+        rise = currents.rise(layout, fluids, here, place, currents.seconds(layout, frame))
+        found = found._replace(surface=found.surface + rise)
+    return Surroundings(level, slope, found, here, under, densities, tension)
 
 
 def slope_about(
