@@ -9,7 +9,8 @@ from jax import Array
 
 from crowd.layout import Layout
 from crowd.params import Fluids
-from kernels import waves
+from kernels import river, turbulence, waves
+from kernels.river import River
 from kernels.wall import Wall
 
 
@@ -59,7 +60,26 @@ def field(
         amplitude, phase = _amplitude(fluids, here), waves.phases(trains, place, time)
         moved = wall(waves.motion, trains, amplitude, phase, points, still)
         level, flow = level + moved[0], flow + moved[1:]
+    if fluids.rivers is not None:
+        flow = flow + wall(_stream, fluids.rivers, here, position, points)
+    if fluids.turbulence is not None:
+        eddies = fluids.turbulence.eddies
+        amplitude = jnp.where(here.region == fluids.turbulence.region[:, None], eddies.amplitude[:, None], 0.0)
+        phase = turbulence.phases(eddies, place, time)
+        swirl = wall(turbulence.velocity, eddies, amplitude, phase, points)
+        flow = flow + jnp.stack([swirl[0], jnp.zeros_like(swirl[0]), swirl[1]])
     return jnp.maximum(level, -1e3), flow
+
+
+def _stream(rivers: River, here: Here, position: Array, points: Array) -> Array:
+    """[3, p, n] m/s of the river of each character's region at points about it."""
+    number = jnp.maximum(here.region, 0.0).astype(jnp.int32)
+    one = River(*(x[..., number] for x in rivers))
+    one = one._replace(speed=jnp.where(here.region < 0, 0.0, one.speed))
+    place = jnp.stack([position[0] + points[0], position[2] + points[2]])
+    depth = jnp.where(here.region < 0, 1.0, here.still - here.ground)
+    speed = one.speed * river.across(one, place) * river.down(one, points[1] + position[1] - here.ground, depth)
+    return jnp.stack([speed * one.direction[0], jnp.zeros_like(speed), speed * one.direction[1]])
 
 
 def _amplitude(fluids: Fluids, here: Here) -> Array:

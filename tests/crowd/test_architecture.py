@@ -34,6 +34,7 @@ ROOMS: list[tuple[str, ...]] = [
         "crowd.courses",
         "crowd.ground*",
         "crowd.wave_components",
+        "crowd.river_flow",
     ),
     ("crowd.scene", "crowd.styles"),
     (
@@ -45,6 +46,7 @@ ROOMS: list[tuple[str, ...]] = [
         "crowd.herd_assets",
         "crowd.stride_assets",
         "crowd.initial",
+        "crowd.fluid_build",
         "crowd.build",
     ),
     ("crowd.components",),

@@ -84,7 +84,7 @@ def test_box_and_sphere() -> None:
     vertices, triangles = meshes.box((0.4, 0.6, 0.5))
     for height in (0.0, 40.0):
         draught = np.linspace(-0.1, 0.7, 17)
-        at = np.repeat((vertices + [0, height, 0]).T[..., None], 17, -1)
+        at = np.repeat((vertices + np.array([0, height, 0])).T[..., None], 17, -1)
         volume, length = in_double(skinned(triangles), at, height - 0.3 + draught)
         assert_close(volume, 0.2 * np.clip(draught, 0, 0.6), 1e-9)
         assert_close(length[[4, 8, 12]], np.full(3, 1.8), 1e-9)
