@@ -65,7 +65,9 @@ def cross_checks(document: Document, data: dict[str, Any], table: FluidTable | N
     problems += [Problem(document.where(path), text) for path, text in _files(parts, data, folder)]
     problems += [Problem(document.where(path), text) for path, text in style_checks(parts.herds, parts.events)]
     problems += [Problem(document.where(path), text) for path, text in control(parts.herds, parts.events, folder)]
-    problems += [Problem(document.where(path), text) for path, text in fluid_problems(parts.regions, table)]
+    problems += [
+        Problem(document.where(path), text) for path, text in fluid_problems(parts.regions, table, _buoyant(data))
+    ]
     return problems
 
 
@@ -107,6 +109,11 @@ def _parts(document: Document, data: dict[str, Any]) -> _Parts:
         duration=duration,
         cut_short=bool({("duration_s",), ("frames",)} & document.overridden.keys()),
     )
+
+
+def _buoyant(data: dict[str, Any]) -> bool:
+    world = data.get("world")
+    return isinstance(world, dict) and world.get("buoyancy") is True
 
 
 def _sizes(parts: _Parts, data: dict[str, Any]) -> Found:

@@ -16,13 +16,17 @@ SHALLOWEST = 0.78  # height over depth (McCowan)
 Found = Iterator[tuple[KeyPath, str]]
 
 
-def fluid_problems(regions: dict[int, FluidRegion], table: FluidTable | None) -> Found:
+def fluid_problems(regions: dict[int, FluidRegion], table: FluidTable | None, buoyancy: bool) -> Found:
     """Problems of the valid fluid regions by number, each with its key path. table: named fluids, if there are any."""
     yield from _areas(regions)
     for index, region in regions.items():
         path: KeyPath = ("world", "fluids", index)
         yield from _layers(region, path)
         yield from _waves(region, path)
+        yield from _flow(region, path)
+        if region.surface_tension_n_m > 0 and not buoyancy:
+            text = f"{region.surface_tension_n_m}: shows in the weight on the feet only; world.buoyancy: true is needed"
+            yield (*path, "surface_tension_n_m"), text
         if table is not None:
             yield from _known(region, path, table)
             for number, layer in enumerate(region.layers):
@@ -72,6 +76,14 @@ def _waves(region: FluidRegion, path: KeyPath) -> Found:
             yield here, f"{wave.amplitude_m}: in {region.wave_depth_m:g} m of water waves break above {most:.3g} m"
     if region.wave_depth_m is not None and not region.waves and region.spectrum is None:
         yield (*path, "wave_depth_m"), f"{region.wave_depth_m}: there are no waves here; it is for waves and spectrum"
+
+
+def _flow(region: FluidRegion, path: KeyPath) -> Found:
+    share = region.turbulence.intensity_share if region.turbulence is not None else None
+    flows = any(region.flow_m_s) or (region.river is not None and region.river.speed_m_s)
+    if share is not None and not flows:
+        here = (*path, "turbulence", "intensity_share")
+        yield here, f"{share}: a share of a flow of 0; intensity_m_s says it in m/s"
 
 
 def _known(fluid: FluidRegion | Layer, path: KeyPath, table: FluidTable) -> Found:

@@ -33,7 +33,7 @@ def across(river: River, place: Float[Array, "2 *b"]) -> Float[Array, "*b"]:
     return jnp.where(river.across_log > 0, logarithm, 1.0 - s * s)
 
 
-def down(river: River, height: Float[Array, "*b"], depth: Float[Array, "*b"]) -> Float[Array, "*b"]:
+def down(river: River, height: Float[Array, "*b"], depth: Float[Array, "*c"]) -> Float[Array, "*b"]:
     """Share of the surface's speed at a height y over the ground, in water of a depth h (m).
 
     1, or log(1 + y/r) / log(1 + h/r).

@@ -276,6 +276,26 @@ TABLE = [
         ("wave_depth_m: 0.5: there are no waves here",),
     ),
     Bad(
+        "unknown profile of a river",
+        *more(FLUIDS + "  - {fluid: water, surface_m: 1, river: {speed_m_s: 1, width_m: 3, profile: parabola}}\n"),
+        (":11 world.fluids[0].river.profile: 'parabola': must be one of parabolic, log",),
+    ),
+    Bad(
+        "turbulence of still water",
+        *more(FLUIDS + "  - {fluid: water, surface_m: 1, turbulence: {intensity_share: 0.1}}\n"),
+        ("turbulence.intensity_share: 0.1: a share of a flow of 0; intensity_m_s",),
+    ),
+    Bad(
+        "tension without buoyancy",
+        *more(FLUIDS + "  - {fluid: water, surface_m: 1, surface_tension_n_m: 0.07}\n"),
+        ("surface_tension_n_m: 0.07: shows in the weight on the feet only; world.buoyancy",),
+    ),
+    Bad(
+        "rain of nothing",
+        *more("events:\n- {at_s: 1, rain: {rate_hz: 0, impulse_n_s: 5}}\n"),
+        (":10 events[0].rain.rate_hz: 0: must be greater than 0",),
+    ),
+    Bad(
         "ramp of no length",
         *more("world: {ground: {kind: ramp, start_m: 2, end_m: 2, drop_m: 1}}\n"),
         (":9 world.ground.end_m: 2.0: must be above start_m",),
