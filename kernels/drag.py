@@ -103,7 +103,7 @@ def skinned(
     submersion: Submersion = "clipped",
     mode: OffsetMode = "area",
     wall: Wall = no_wall,
-    floor: Float[Array, "*b"] | None = None,
+    floor: Float[Array, "*c"] | None = None,
 ) -> Drag:
     """Drag on moving vertices; `velocity` is that of the vertices less the flow, m/s. triangles [T, 3] are static.
 
@@ -213,7 +213,7 @@ def rigid(
     submersion: Submersion = "clipped",
     mode: OffsetMode = "area",
     wall: Wall = no_wall,
-    floor: Float[Array, "*b"] | None = None,
+    floor: Float[Array, "*c"] | None = None,
 ) -> Drag:
     """Drag on triangles that ride on bones. bones [blocks] (static): the bone of each block.
 

@@ -48,7 +48,7 @@ def everything(table: waves.Waves, place: Any, time: Any, points: Any, still: An
     return waves.rise(amplitude, phase), waves.motion(table, amplitude, phase, points, still)
 
 
-def airy(table: waves.Waves, place: np.ndarray, time: float, points: np.ndarray, still: float) -> np.ndarray:
+def airy(table: waves.Waves, place: np.ndarray, time: Any, points: np.ndarray, still: Any) -> np.ndarray:
     """[4, P] of one character: with the hyperbolic functions as they are in books."""
     out = np.zeros((4, points.shape[1]))
     for a, (kx, kz), sigma, omega, phase, h in zip(
@@ -138,7 +138,7 @@ def test_dispersion(depth: float) -> None:
     """Against the root found by bisection; limits: sqrt(g k) in deep water, k sqrt(g h) in shallow."""
     for sigma in (0.2, 1.0, 5.0, 30.0):
         k = float(wavenumber(np.array(sigma), depth))
-        expected = brentq(lambda k, s=sigma: 9.81 * k * np.tanh(k * depth) - s**2, 1e-9, 1e4, xtol=1e-14)
+        expected: Any = brentq(lambda k, s=sigma: 9.81 * k * np.tanh(k * depth) - s**2, 1e-9, 1e4, xtol=1e-14)
         np.testing.assert_allclose(k, expected, rtol=1e-9)
         np.testing.assert_allclose(in_double(waves.dispersion, np.array(k), np.array(depth)), sigma, rtol=1e-9)
     at = np.array(1e-3), np.array(1.0)
