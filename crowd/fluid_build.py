@@ -110,7 +110,7 @@ def _trains(regions: list[Trains | None]) -> WaveTrains:
     lengths = [len(each.phase) for _, each in there]
     depth = f32(np.repeat([each.depth for _, each in there], lengths))
     region = f32(np.repeat([number for number, _ in there], lengths))
-    return WaveTrains(Waves(*(joined(name) for name in names), depth), region)
+    return WaveTrains(Waves(**{name: joined(name) for name in names}, depth=depth), region)
 
 
 def _rivers(regions: list[FluidRegion]) -> River:

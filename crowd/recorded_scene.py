@@ -94,7 +94,8 @@ def levels_of(scene: SceneLike) -> list[dict[str, Any]]:
         return []
     levels = []
     regions = sorted(scenario.world.fluids, key=lambda region: region.priority)
-    trains = getattr(scene, "trains", lambda: [None] * len(regions))()
+    made = getattr(scene, "trains", None)
+    trains: list[Any] = [None] * len(regions) if made is None else made()
     for region, train in zip(regions, trains, strict=True):
         table = getattr(scenario, "fluid_table", None)
         density = region.density_kg_m3 if table is None else table.fluid(region).density_kg_m3

@@ -147,7 +147,8 @@ def test_a_river_pushes_downstream_and_reversed_it_pushes_back() -> None:
 
 def test_who_drifts_with_the_flow_feels_nothing() -> None:
     """Hardly any mean drag on who walks as fast as the water, in a constant flow or in a river's middle."""
-    for more in ({"flow_m_s": [0, 0, 1.0]}, {"river": {"speed_m_s": 1.0, "width_m": 1e4}}):
+    flows: list[dict[str, Any]] = [{"flow_m_s": [0, 0, 1.0]}, {"river": {"speed_m_s": 1.0, "width_m": 1e4}}]
+    for more in flows:
         arrays = run(wading(water(**more), speed=1.0), 3.0)["p"]
         still = run(wading(water(), speed=1.0), 3.0)["p"]
         # legs that swing still push and pull, but to and fro

@@ -40,7 +40,7 @@ def blobs(batch: tuple[int, ...], seed: int = 0) -> tuple[np.ndarray, np.ndarray
     return triangles, placed, placed[1].mean(0) + rng.uniform(-0.2, 0.2, batch)
 
 
-def cut(vertices: np.ndarray, triangles: np.ndarray, surface: float) -> tuple[float, float]:
+def cut(vertices: np.ndarray, triangles: np.ndarray, surface: Any) -> tuple[float, float]:
     """Volume below and length of the waterline of one body [V, 3]: tetrahedra from a point of the surface, trimesh."""
     point = np.array([0, surface, 0])
     volume = 0.0

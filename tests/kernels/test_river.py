@@ -26,7 +26,7 @@ from tests.kernels.checks import (
 def stream(batch: tuple[int, ...], log: bool, seed: int = 0) -> river.River:
     rng = np.random.default_rng(seed)
     toward = rng.uniform(-4, 4, batch)
-    return river.River(
+    parts: list[Any] = [
         np.stack([np.sin(toward), np.cos(toward)]),
         rng.uniform(-5, 5, (2, *batch)),
         rng.uniform(0.2, 2, batch),
@@ -34,7 +34,8 @@ def stream(batch: tuple[int, ...], log: bool, seed: int = 0) -> river.River:
         10.0 ** rng.uniform(-3, -1, batch),
         np.full(batch, float(log)),
         np.full(batch, float(log)),
-    )
+    ]
+    return river.River(*parts)
 
 
 @pytest.mark.parametrize("log", [False, True], ids=["parabolic", "log"])
@@ -70,7 +71,8 @@ def eddies(count: int = 12, intensity: float = 0.3) -> turbulence.Eddies:
     )
     found = river_flow.modes(region, 5)
     assert found is not None
-    return turbulence.Eddies(found.amplitude, found.number, found.frequency, found.phase)
+    parts: list[Any] = [found.amplitude, found.number, found.frequency, found.phase]
+    return turbulence.Eddies(*parts)
 
 
 def flow(table: turbulence.Eddies, place: Any, time: Any, points: Any) -> Any:

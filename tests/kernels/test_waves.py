@@ -31,7 +31,8 @@ def sea(seed: int = 0, count: int = 4, current: Any = (0.0, 0.0)) -> waves.Waves
     number = k * np.stack([np.sin(toward), np.cos(toward)])
     sigma = np.sqrt(9.81 * k * np.tanh(k * depth))
     apparent = sigma + np.asarray(current) @ number
-    return waves.Waves(rng.uniform(0.02, 0.2, count), number, sigma, apparent, rng.uniform(0, 7, count), depth)
+    parts: list[Any] = [rng.uniform(0.02, 0.2, count), number, sigma, apparent, rng.uniform(0, 7, count), depth]
+    return waves.Waves(*parts)
 
 
 def places(batch: tuple[int, ...], seed: int = 1) -> tuple[np.ndarray, ...]:
