@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from kernels.trig import sin_cos
+from kernels.wall import Wall, no_wall
 
 TURN = 6.283185307179586
 
@@ -38,16 +39,22 @@ def phases(eddies: Eddies, place: Float[Array, "2 *b"], time: Float[Array, "*b"]
 
 
 def velocity(
-    eddies: Eddies, amplitude: Float[Array, "m *b"], phase: Float[Array, "m *b"], points: Float[Array, "3 p *b"]
+    eddies: Eddies,
+    amplitude: Float[Array, "m *b"],
+    phase: Float[Array, "m *b"],
+    points: Float[Array, "3 p *b"],
+    wall: Wall = no_wall,
 ) -> Float[Array, "2 p *b"]:
     """m/s (x, z) at points about the place of `phase`, m; amplitude: m/s, 0 where there are no eddies."""
     x, z = points[0], points[2]
 
-    def mode(total: Array, one: tuple[Array, ...]) -> tuple[Array, None]:
+    def mode(total: tuple[Array, Array], one: tuple[Array, ...]) -> tuple[tuple[Array, Array], None]:
         amplitude, phase, kx, kz = one
-        size = amplitude * sin_cos(phase + kx * x + kz * z)[1] / jnp.sqrt(kx * kx + kz * kz)
-        return total + jnp.stack([-size * kz, size * kx]), None
+        angle = wall(lambda phase, kx, kz, x, z: phase + kx * x + kz * z, phase, kx, kz, x, z)
+        size = amplitude / jnp.sqrt(kx * kx + kz * kz)
+        cosine = wall(lambda size, angle: size * sin_cos(angle)[1], size, angle)
+        return wall(lambda a, b, cosine: (a - cosine * kz, b + cosine * kx), *total, cosine), None
 
-    start = jnp.zeros((2, *points.shape[1:]), points.dtype)
-    total, _ = jax.lax.scan(mode, start, (amplitude, phase, eddies.number[0], eddies.number[1]))
-    return total
+    zero = jnp.zeros(points.shape[1:], points.dtype)
+    total, _ = jax.lax.scan(mode, (zero, zero), (amplitude, phase, eddies.number[0], eddies.number[1]))
+    return jnp.stack(total)

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from kernels.trig import sin_cos
+from kernels.wall import Wall, no_wall
 
 GRAVITY = 9.81  # m/s2
 DEEP = 20.0  # k h and -k y beyond it make no difference in float32
@@ -59,6 +60,7 @@ def motion(
     phase: Float[Array, "w *b"],
     points: Float[Array, "3 p *b"],
     still: Float[Array, "*b"],
+    wall: Wall = no_wall,
 ) -> Float[Array, "4 p *b"]:
     """Rise of the surface (m) above, and velocity (3, m/s) of the water at, points about the place of `phase`.
 
@@ -67,17 +69,33 @@ def motion(
     x, z = points[0], points[2]
     height = jnp.minimum(points[1] - still, 0.0)
 
-    def component(total: Array, one: tuple[Array, ...]) -> tuple[Array, None]:
+    def component(total: tuple[Array, ...], one: tuple[Array, ...]) -> tuple[tuple[Array, ...], None]:
         amplitude, phase, kx, kz, sigma, depth = one
         number = jnp.sqrt(kx * kx + kz * kz)
-        sine, cosine = sin_cos(phase + kx * x + kz * z)
-        fall = jnp.maximum(number * jnp.maximum(height, -depth), -DEEP)
-        up, bottom = jnp.exp(fall), jnp.exp(-2.0 * jnp.minimum(number * depth, DEEP))
-        down = bottom / up
+        bottom = jnp.exp(-2.0 * jnp.minimum(number * depth, DEEP))
         speed = amplitude * sigma / (1.0 - bottom)
-        along = speed * (up + down) * cosine / number
-        return total + jnp.stack([amplitude * cosine, along * kx, speed * (up - down) * sine, along * kz]), None
+        # each of these is needed four times: without walls a CPU would compute it as often
+        angle = wall(lambda phase, kx, kz, x, z: phase + kx * x + kz * z, phase, kx, kz, x, z)
+        sine, cosine = wall(lambda angle: sin_cos(angle)[0], angle), wall(lambda angle: sin_cos(angle)[1], angle)
+        up = wall(_decay, number, depth, height)
+        down = wall(lambda bottom, up: bottom / up, bottom, up)
+        along = wall(lambda s, up, down, cosine: s * (up + down) * cosine, speed / number, up, down, cosine)
+        upward = wall(lambda s, up, down, sine: s * (up - down) * sine, speed, up, down, sine)
+        rise, ahead, upwards, aside = total
+        return wall(
+            lambda *t: (t[0] + amplitude * cosine, t[1] + along * kx, t[2] + upward, t[3] + along * kz),
+            rise,
+            ahead,
+            upwards,
+            aside,
+        ), None
 
     each = (amplitude, phase, waves.number[0], waves.number[1], waves.frequency, waves.depth)
-    total, _ = jax.lax.scan(component, jnp.zeros((4, *points.shape[1:]), points.dtype), each)
-    return total
+    zero = jnp.zeros(points.shape[1:], points.dtype)
+    total, _ = jax.lax.scan(component, (zero, zero, zero, zero), each)
+    return jnp.stack(total)
+
+
+def _decay(number: Array, depth: Array, height: Array) -> Array:
+    """exp(k y), y at most the depth below the still level."""
+    return jnp.exp(jnp.maximum(number * jnp.maximum(height, -depth), -DEEP))

@@ -58,7 +58,7 @@ def field(
     if fluids.trains is not None:
         trains = fluids.trains.waves
         amplitude, phase = _amplitude(fluids, here), waves.phases(trains, place, time)
-        moved = wall(waves.motion, trains, amplitude, phase, points, still)
+        moved = waves.motion(trains, amplitude, phase, points, still, wall)
         level, flow = level + moved[0], flow + moved[1:]
     if fluids.rivers is not None:
         flow = flow + wall(_stream, fluids.rivers, here, position, points)
@@ -66,7 +66,7 @@ def field(
         eddies = fluids.turbulence.eddies
         amplitude = jnp.where(here.region == fluids.turbulence.region[:, None], eddies.amplitude[:, None], 0.0)
         phase = turbulence.phases(eddies, place, time)
-        swirl = wall(turbulence.velocity, eddies, amplitude, phase, points)
+        swirl = turbulence.velocity(eddies, amplitude, phase, points, wall)
         flow = flow + jnp.stack([swirl[0], jnp.zeros_like(swirl[0]), swirl[1]])
     return jnp.maximum(level, -1e3), flow
 
