@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from typing import Any
 
 import jax
@@ -9,16 +10,16 @@ import numpy as np
 
 from crowd.assets import Assets, GroundLayer, World
 from crowd.courses import formation
+from crowd.fluid_build import f32, fluid_layout, fluids
 from crowd.ground import Ground
 from crowd.ground_layer import Layer
-from crowd.herd_assets import herd_assets, herd_layout
+from crowd.herd_assets import extent, herd_assets, herd_layout
 from crowd.initial import initial_state
 from crowd.layout import TILE, GroundLayout, Layout
-from crowd.params import Character, Control, Events, Fluids, Params, Sigmoid, StyleEvents
+from crowd.params import Character, Control, Events, Params, Showers, StyleEvents
 from crowd.scenario_control import turn_rate
 from crowd.scenario_herd import Event
-from crowd.scenario_world import Sigmoid as SigmoidModel
-from crowd.scene import HerdScene, Scene, by_priority
+from crowd.scene import HerdScene, Scene
 from crowd.state import Footsteps, State, Strides
 from crowd.stride_assets import stride_control
 
@@ -48,7 +49,7 @@ def build(scene: Scene, devices: int = 1, walls: bool = True, tile: int = TILE) 
     layout = _layout(scene, walls)
     assets = Assets(tuple(herd_assets(herd) for herd in scene.herds), ground_world(scene.terrain))
     params = Params(
-        fluids=_fluids(scene),
+        fluids=fluids(scene),
         control=_control(),
         events=_events(scene),
         strides=tuple(stride_control(herd, layout.compat) for herd in scene.herds)
@@ -81,16 +82,17 @@ def tiled(values: np.ndarray, devices: int, tile: int) -> np.ndarray:
     return np.ascontiguousarray(np.moveaxis(split, -2, 0)).astype(kind)
 
 
-def _tiled(fields: dict[str, np.ndarray], devices: int, tile: int) -> dict[str, Any]:
-    return {name: tiled(values, devices, tile) for name, values in fields.items()}
+def _tiled(fields: dict[str, Any], devices: int, tile: int) -> dict[str, Any]:
+    return {name: None if values is None else tiled(values, devices, tile) for name, values in fields.items()}
 
 
 def _layout(scene: Scene, walls: bool) -> Layout:
     scenario = scene.scenario
-    moving = [event for event in scenario.events if not event.plays]
+    moving = [event for event in scenario.events if event.moves]
     impulses = sum(event.impulse_n_s is not None for event in moving)
     names = ["slope"] if any(layer.kind not in ("flat", "steps") for layer in scene.terrain.layers) else []
     names += ["impulse"] if impulses else []
+    names += ["rain"] if any(event.rain for event in scenario.events) else []
     names += ["drag"] if scenario.world.fluids else []
     return Layout(
         herds=tuple(herd_layout(herd) for herd in scene.herds),
@@ -110,13 +112,14 @@ def _layout(scene: Scene, walls: bool) -> Layout:
         record_pose=scenario.record.pose,
         record_every=scenario.rate_hz // scenario.record.rate_hz,
         walls=walls,
+        fluid=fluid_layout(scene),
     )
 
 
 def ground_world(ground: Ground) -> World:
     """The ground's arrays, on the host."""
     layers = tuple(_ground_layer(layer) for layer in ground.layers)
-    return World(layers, _f32(ground.max_step_height), _f32(ground.min_normal_y))
+    return World(layers, f32(ground.max_step_height), f32(ground.min_normal_y))
 
 
 def ground_layout(ground: Ground) -> tuple[GroundLayout, ...]:
@@ -138,68 +141,34 @@ def _ground_layer(layer: Layer) -> GroundLayer:
     grid = layer.grid if layer.grid is not None else np.zeros(0)
     post = np.array(layer.post, float)[::-1]  # column, row
     return GroundLayer(
-        parameters=_f32(layer.parameters),
-        base=_f32(layer.base),
-        axis=_f32(layer.axis),
-        grid=_f32(grid.reshape(-1)),
-        gap=_f32(0.0 if layer.gap is None else layer.gap),
-        origin=_f32(layer.origin + post * layer.cell),
-        cell=_f32(layer.cell),
-        low=_f32(low),
-        high=_f32(high),
-    )
-
-
-def _f32(values: np.ndarray | float) -> Any:
-    """On the host: `build` sends everything to the device at once."""
-    return np.asarray(values, np.float32)
-
-
-def _sigmoid(model: SigmoidModel) -> Sigmoid:
-    return Sigmoid(_f32(model.a), _f32(model.b), _f32(model.c))
-
-
-def _fluids(scene: Scene) -> Fluids:
-    table, regions = scene.scenario.fluid_table, by_priority(scene.scenario)
-    named = [table.fluids.get(region.fluid) if region.fluid else None for region in regions]
-    resolved = [table.fluid(region) for region in regions]
-
-    def override(attribute: str) -> Any:
-        values = [getattr(fluid, attribute) if fluid else None for fluid in named]
-        return _f32(np.array([-1.0 if value is None else value for value in values]))
-
-    far = 1e9
-    low = [(r.area_m.x[0], r.area_m.z[0]) if r.area_m else (-far, -far) for r in regions]
-    high = [(r.area_m.x[1], r.area_m.z[1]) if r.area_m else (far, far) for r in regions]
-    return Fluids(
-        base_drag=_sigmoid(table.base_drag),
-        offset_force=_sigmoid(table.offset_force_n),
-        density=_f32(np.array([fluid.density_kg_m3 for fluid in resolved])),
-        drag_override=override("drag_coefficient"),
-        offset_override=override("offset_force_n"),
-        surface=_f32(np.array([region.surface_m for region in regions])),
-        flow=_f32(np.array([region.flow_m_s for region in regions]).reshape(-1, 3).T),
-        low=_f32(np.array(low).reshape(-1, 2).T),
-        high=_f32(np.array(high).reshape(-1, 2).T),
+        parameters=f32(layer.parameters),
+        base=f32(layer.base),
+        axis=f32(layer.axis),
+        grid=f32(grid.reshape(-1)),
+        gap=f32(0.0 if layer.gap is None else layer.gap),
+        origin=f32(layer.origin + post * layer.cell),
+        cell=f32(layer.cell),
+        low=f32(low),
+        high=f32(high),
     )
 
 
 def _control() -> Control:
     return Control(
-        filter_time=_f32(0.35),
-        stand_ratio=_f32(0.115),
-        side_ratio=_f32(0.115),
-        close_time=_f32(0.45),
-        close_distance=_f32(0.11),
-        foot_gap=_f32(0.6),
-        ground_time=_f32(0.12),
-        slope_gain=_f32(1.0),
-        arm_margin=_f32(0.08),
+        filter_time=f32(0.35),
+        stand_ratio=f32(0.115),
+        side_ratio=f32(0.115),
+        close_time=f32(0.45),
+        close_distance=f32(0.11),
+        foot_gap=f32(0.6),
+        ground_time=f32(0.12),
+        slope_gain=f32(1.0),
+        arm_margin=f32(0.08),
     )
 
 
 def _events(scene: Scene) -> Events:
-    events, rate = [event for event in scene.scenario.events if not event.plays], scene.scenario.rate_hz
+    events, rate = [event for event in scene.scenario.events if event.moves], scene.scenario.rate_hz
     pushes = [event for event in events if event.impulse_n_s is not None]
     turns = [event for event in events if event.impulse_n_s is None]
 
@@ -207,25 +176,54 @@ def _events(scene: Scene) -> Events:
         return np.array([round(event.at_s * rate) for event in chosen], np.int32)
 
     def local(chosen: list) -> Any:
-        return _f32(np.array([event.frame == "character" for event in chosen]))
+        return f32(np.array([event.frame == "character" for event in chosen]))
 
     return Events(
         impulse_frame=frames(pushes),
-        impulse=_f32(np.array([event.impulse_n_s for event in pushes]).reshape(-1, 3)),
+        impulse=f32(np.array([event.impulse_n_s for event in pushes]).reshape(-1, 3)),
         impulse_local=local(pushes),
         turn_frame=frames(turns),
-        turn=_f32(np.array([event.turn for event in turns]).reshape(-1, 2)),
+        turn=f32(np.array([event.turn for event in turns]).reshape(-1, 2)),
         turn_local=local(turns),
-        turn_faces=_f32(np.array([event.facing_deg is not None for event in turns])),
-        turn_facing=_f32(np.radians([event.facing_deg or 0.0 for event in turns])),
+        turn_faces=f32(np.array([event.facing_deg is not None for event in turns])),
+        turn_facing=f32(np.radians([event.facing_deg or 0.0 for event in turns])),
+        rain=_rain(scene),
     )
 
 
-def _character(scene: Scene, herd: HerdScene) -> dict[str, np.ndarray]:
+def _rain(scene: Scene) -> Showers | None:
+    """Rains of impulses; None without any."""
+    rate, seed = scene.scenario.rate_hz, scene.scenario.seed
+    showers = [(event.at_s, event.rain) for event in scene.scenario.events if event.rain is not None]
+    if not showers:
+        return None
+    spans = [(at, at + (rain.for_s or 1e6)) for at, rain in showers]
+    return Showers(
+        key=np.stack([np.array([seed, 0x7A1 + k], np.uint32) for k in range(len(showers))]),  # pyright: ignore[reportArgumentType]
+        span=np.array([[round(min(time * rate, 2e9)) for time in span] for span in spans], np.int32).T,  # pyright: ignore[reportArgumentType]
+        rate=f32(np.array([rain.rate_hz for _, rain in showers])),
+        size=f32(np.array([rain.impulse_n_s for _, rain in showers])),
+    )
+
+
+def _rained(scene: Scene, herd: HerdScene) -> dict[str, np.ndarray | None]:
+    """A number for every character, whatever other herds and however many there are, and whom rain meets."""
+    events = [event for event in scene.scenario.events if event.rain is not None]
+    if not events:
+        return dict(number=None, rain=None)
+    rows = np.zeros((len(events), herd.count))
+    for row, event in zip(rows, events, strict=True):
+        if event.herds is None or herd.name in event.herds:
+            row[_who(event)] = 1.0
+    first = int.from_bytes(hashlib.blake2b(herd.name.encode(), digest_size=4).digest(), "little")
+    return dict(number=((first + np.arange(herd.count)) % 2**31).astype(np.int32), rain=rows)
+
+
+def _character(scene: Scene, herd: HerdScene) -> dict[str, Any]:
     """Fields of a herd's `Character`, not yet in tiles."""
     mass, scale = herd.mass, herd.scale
     heavy = mass / PERSON_MASS
-    size = scale * _extent(herd) / PERSON_SIZE
+    size = scale * extent(herd) / PERSON_SIZE
     values = {name: heavy * value for name, value in GAINS.items()}
     for group in (YAW, PITCH):
         values |= {name: heavy * size**2 * value for name, value in group.items()}
@@ -241,6 +239,8 @@ def _character(scene: Scene, herd: HerdScene) -> dict[str, np.ndarray]:
         impulse=_chosen(scene, herd, impulses=True),
         turn=_chosen(scene, herd, impulses=False),
         style=_playing(scene, herd),
+        **_rained(scene, herd),
+        displaced=_displaced(herd) if scene.scenario.world.buoyancy else None,
         **values,
     )
 
@@ -250,8 +250,8 @@ def _styles(scene: Scene, herd: HerdScene) -> StyleEvents:
     return StyleEvents(
         frame=np.array([round(events[play.event].at_s * rate) for play in plays], np.int32),  # pyright: ignore[reportArgumentType]
         target=np.array([play.channel for play in plays], np.int32),  # pyright: ignore[reportArgumentType]
-        fade=_f32(np.array([play.fade for play in plays])),
-        hold=_f32(np.array([play.hold for play in plays])),
+        fade=f32(np.array([play.fade for play in plays])),
+        hold=f32(np.array([play.hold for play in plays])),
     )
 
 
@@ -286,16 +286,19 @@ def _guidance(herd: HerdScene) -> dict[str, np.ndarray]:
     )
 
 
-def _extent(herd: HerdScene) -> float:
-    """m, the longest side of the archetype's body: what its inertia goes with."""
-    return float(np.ptp(herd.archetype.mesh.vertices[:, 1:], axis=0).max())
+def _displaced(herd: HerdScene) -> np.ndarray:
+    """[n] kg: mass the mesh would have at the body's density."""
+    mesh = herd.archetype.mesh
+    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    volume = max(float((np.cross(a, b) * c).sum() / 6.0), 1e-12)
+    return herd.model.body_density_kg_m3 * volume * herd.scale**3
 
 
 def _chosen(scene: Scene, herd: HerdScene, impulses: bool) -> np.ndarray:
     """[E, n] 1 where an event meets a character."""
     rows = []
     for event in scene.scenario.events:
-        if event.plays or (event.impulse_n_s is not None) != impulses:
+        if not event.moves or (event.impulse_n_s is not None) != impulses:
             continue
         row = np.zeros(herd.count)
         if event.herds is None or herd.name in event.herds:

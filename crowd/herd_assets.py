@@ -264,3 +264,8 @@ def _blocks(mesh: Mesh) -> tuple[np.ndarray, RigidMesh]:
     return bones, RigidMesh(
         _array(local.transpose(2, 3, 0, 1)[..., None]), _array(area.transpose(2, 0, 1)[..., None]), _array(moments)
     )
+
+
+def extent(herd: HerdScene) -> float:
+    """m, the longest side of the archetype's body: what its inertia goes with."""
+    return float(np.ptp(herd.archetype.mesh.vertices[:, 1:], axis=0).max())

@@ -105,6 +105,23 @@ class GroundLayout:
 
 
 @dataclass(frozen=True)
+class FluidLayout:
+    """What fluid has beyond a level surface and a constant flow; parts that are 0 or False are not in the program."""
+
+    waves: int = 0  # components, of all regions
+    layers: int = 0  # below the top fluid, of the region with most
+    rivers: bool = False
+    modes: int = 0  # of turbulence, of all regions
+    buoyancy: bool = False  # the weight on the feet is recorded
+    tension: tuple[bool, ...] = ()  # per herd: small enough for surface tension to matter
+
+    @property
+    def moving(self) -> bool:
+        """Whether surface or flow differ within a body, or with time."""
+        return bool(self.waves or self.rivers or self.modes)
+
+
+@dataclass(frozen=True)
 class Layout:
     """The whole program."""
 
@@ -125,3 +142,4 @@ class Layout:
     record_pose: bool
     record_every: int  # frames
     walls: bool  # False where kernels are better large (GPU)
+    fluid: FluidLayout = FluidLayout()

@@ -6,6 +6,9 @@ from jax import Array
 
 from crowd.tree import pytree
 from kernels.body_tilt import Tilt
+from kernels.river import River
+from kernels.turbulence import Eddies
+from kernels.waves import Waves
 
 
 @pytree
@@ -15,6 +18,33 @@ class Sigmoid:
     a: Array
     b: Array
     c: Array
+
+
+@pytree
+class WaveTrains:
+    """W components of all regions, see `kernels.waves`."""
+
+    waves: Waves
+    region: Array  # [W] number of the region that each belongs to
+
+
+@pytree
+class Turbulence:
+    """M modes of all regions, see `kernels.turbulence`."""
+
+    eddies: Eddies
+    region: Array  # [M] number of the region that each belongs to
+
+
+@pytree
+class Layers:
+    """L fluids below the top one of R regions, from the top down."""
+
+    density: Array  # [L, R] kg/m3
+    drag_override: Array  # [L, R] as in `Fluids`
+    offset_override: Array  # [L, R]
+    top: Array  # [L, R] m
+    flow: Array  # [3, L, R] m/s
 
 
 @pytree
@@ -30,6 +60,11 @@ class Fluids:
     flow: Array  # [3, R] m/s
     low: Array  # [2, R] m, corner of the region (x, z)
     high: Array  # [2, R] m
+    trains: WaveTrains | None = None
+    layers: Layers | None = None
+    tension: Array | None = None  # [R] N/m
+    rivers: River | None = None  # of every region; speed 0 where there is none
+    turbulence: Turbulence | None = None
 
 
 @pytree
@@ -87,6 +122,19 @@ class Character:
     impulse: Array  # [E, n] 1 where an impulse event meets the character
     turn: Array  # [E, n] 1 where a velocity event meets it
     style: Array  # [E, n] 1 where an event of the herd's `StyleEvents` meets it
+    number: Array | None = None  # [n] int32 of its own, for random numbers; where it rains impulses
+    rain: Array | None = None  # [K, n] 1 where a rain meets the character
+    displaced: Array | None = None  # [n] kg, body density times the volume of its mesh: for buoyancy
+
+
+@pytree
+class Showers:
+    """K rains of impulses."""
+
+    key: Array  # [K, 2] uint32
+    span: Array  # [2, K] int32, frames from and to
+    rate: Array  # [K] 1/s
+    size: Array  # [K] N s
 
 
 @pytree
@@ -101,6 +149,7 @@ class Events:
     turn_local: Array  # [E] 1: axes of the character
     turn_faces: Array  # [E] 1: the event says where to face
     turn_facing: Array  # [E] rad, where
+    rain: Showers | None = None
 
 
 @pytree

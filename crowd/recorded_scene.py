@@ -82,7 +82,10 @@ def motions_of(herd: HerdLike) -> tuple[Any, ...]:
 
 
 def levels_of(scene: SceneLike) -> list[dict[str, Any]]:
-    """Fluid surfaces of a scene: surface_m, fluid, density_kg_m3, x and z ranges (None: everywhere), priority."""
+    """Fluid surfaces of a scene: surface_m, fluid, density_kg_m3, x and z ranges (None: everywhere), priority.
+
+    `waves`, where there are any: [amplitude m, kx rad/m, kz, omega rad/s, phase rad] of every component.
+    """
     recorded = getattr(scene, "levels", None)
     if recorded is not None:
         return recorded
@@ -90,7 +93,10 @@ def levels_of(scene: SceneLike) -> list[dict[str, Any]]:
     if scenario is None:
         return []
     levels = []
-    for region in scenario.world.fluids:
+    regions = sorted(scenario.world.fluids, key=lambda region: region.priority)
+    made = getattr(scene, "trains", None)
+    trains: list[Any] = [None] * len(regions) if made is None else made()
+    for region, train in zip(regions, trains, strict=True):
         table = getattr(scenario, "fluid_table", None)
         density = region.density_kg_m3 if table is None else table.fluid(region).density_kg_m3
         area = region.area_m
@@ -104,6 +110,9 @@ def levels_of(scene: SceneLike) -> list[dict[str, Any]]:
                 "priority": int(region.priority),
             }
         )
+        if train is not None:
+            rows = np.stack([train.amplitude, *train.number, train.apparent, train.phase], 1)
+            levels[-1]["waves"] = rows.tolist()
     return levels
 
 

@@ -129,6 +129,8 @@ class Recorder:
     def _herd_columns(self, herd: HerdLike) -> dict[str, Column]:
         strides = bool(motions_of(herd))
         kept = {name: column for name, column in HERD.items() if self.pose or not column.optional}
+        floats = _floats(self.scene)
+        kept = {name: column for name, column in kept.items() if floats or not column.buoyancy}
         return {name: column for name, column in kept.items() if strides or not column.strides}
 
     def _create(self, frames: int) -> None:
@@ -332,3 +334,9 @@ def _write_herd(group: zarr.Group, herd: HerdLike, first: int) -> None:
     _fixed(group, "mesh_joint", np.asarray(mesh.joints, np.int32), ("vertex", "influence"), "1", "joints of the skin")
     _fixed(group, "mesh_weight", mesh.weights, ("vertex", "influence"), "1", "weights of the skin; rows sum to 1")
     _fixed(group, "inverse_bind", mesh.inverse_bind, ("joint", "row", "column"), "1", "bind pose to joint frame")
+
+
+def _floats(scene: SceneLike) -> bool:
+    """Whether the weight on the feet is recorded."""
+    scenario = getattr(scene, "scenario", None)
+    return scenario is not None and scenario.world.buoyancy and bool(scenario.world.fluids)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,6 +15,7 @@ from pydantic import ValidationError
 from crowd.errors import Problem, nearest
 from crowd.scenario_control_check import control
 from crowd.scenario_files import find_file
+from crowd.scenario_fluid_check import fluid_problems
 from crowd.scenario_ground_check import ground_problems
 from crowd.scenario_herd import (
     ASSET_SUFFIXES,
@@ -60,13 +60,14 @@ def recording_bytes(count: int, joints: int, legs: int, frames: int, pose: bool 
 def cross_checks(document: Document, data: dict[str, Any], table: FluidTable | None, folder: Path) -> list[Problem]:
     """Problems between the parts of a scenario. data: in declared keys (see `validate`)."""
     parts = _parts(document, data)
-    checks = (_sizes, _names, _places, _variations, _overlaps, _events, _times)
+    checks = (_sizes, _names, _places, _variations, _events, _times)
     problems = [Problem(document.where(path), text) for check in checks for path, text in check(parts, data)]
     problems += [Problem(document.where(path), text) for path, text in _files(parts, data, folder)]
     problems += [Problem(document.where(path), text) for path, text in style_checks(parts.herds, parts.events)]
     problems += [Problem(document.where(path), text) for path, text in control(parts.herds, parts.events, folder)]
-    if table is not None:
-        problems += [Problem(document.where(path), text) for path, text in _fluids(parts, table)]
+    problems += [
+        Problem(document.where(path), text) for path, text in fluid_problems(parts.regions, table, _buoyant(data))
+    ]
     return problems
 
 
@@ -108,6 +109,11 @@ def _parts(document: Document, data: dict[str, Any]) -> _Parts:
         duration=duration,
         cut_short=bool({("duration_s",), ("frames",)} & document.overridden.keys()),
     )
+
+
+def _buoyant(data: dict[str, Any]) -> bool:
+    world = data.get("world")
+    return isinstance(world, dict) and world.get("buoyancy") is True
 
 
 def _sizes(parts: _Parts, data: dict[str, Any]) -> Found:
@@ -168,27 +174,6 @@ def _variations(parts: _Parts, data: dict[str, Any]) -> Found:
                 yield path, f"min {drawn.min} is above max {drawn.max}"
 
 
-def _overlaps(parts: _Parts, data: dict[str, Any]) -> Found:
-    for index, region in parts.regions.items():
-        for axis in "xz" if region.area_m is not None else "":
-            low, high = getattr(region.area_m, axis)
-            if low >= high:
-                yield ("world", "fluids", index, "area_m", axis), f"[{low}, {high}]: the first must be below the second"
-    for (i, a), (j, b) in combinations(parts.regions.items(), 2):
-        if a.priority == b.priority and _overlap(a, b):
-            yield (
-                ("world", "fluids", j),
-                f"overlaps world.fluids[{i}] and both have priority {a.priority}; give one a higher priority",
-            )
-
-
-def _overlap(a: FluidRegion, b: FluidRegion) -> bool:
-    if a.area_m is None or b.area_m is None:
-        return True
-    pairs = ((a.area_m.x, b.area_m.x), (a.area_m.z, b.area_m.z))
-    return all(max(p[0], q[0]) < min(p[1], q[1]) for p, q in pairs)
-
-
 def _events(parts: _Parts, data: dict[str, Any]) -> Found:
     names = list(dict.fromkeys(parts.names.values()))
     for index, event in parts.events.items():
@@ -242,13 +227,3 @@ def _files(parts: _Parts, data: dict[str, Any], folder: Path) -> Found:
             yield (*path, "rig"), f"'{rig}': no such file ({folder / rig})"
     if parts.world is not None:
         yield from ground_problems(parts.world.ground, folder)
-
-
-def _fluids(parts: _Parts, table: FluidTable) -> Found:
-    names = list(table.fluids)
-    for index, region in parts.regions.items():
-        if region.fluid is not None and region.fluid not in names:
-            yield (
-                ("world", "fluids", index, "fluid"),
-                f"'{region.fluid}': no such fluid{nearest(region.fluid, names)}; known: {', '.join(names)}",
-            )

@@ -194,14 +194,27 @@ class Herd(Model):
     """Way of moving at the start: a style of the character, or of `styles`."""
     styles: Styles = Field(default_factory=dict)
     """Ways of moving beside the character's own: style: {idle: ..., walk: [...], run: [...], step: [...]}."""
+    body_density_kg_m3: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=100, le=5000)] = 985.0
+    """Mass over volume, for buoyancy; the mesh counts as that large. A person with air in the lungs: 980 to 1000."""
     arms_up: Flag = True
     """Arms are kept above the surface in deep fluid."""
+
+
+class Rain(Model):
+    """Random impulses on every chosen character, in any direction along the ground: a test of balance."""
+
+    rate_hz: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=100)]
+    """Mean number per second and character."""
+    impulse_n_s: Positive
+    """Mean strength; each has half to one and a half of it."""
+    for_s: Positive | None = None
+    """Left out: to the end of the run."""
 
 
 class Event(Model):
     """Something that happens at a time to chosen characters."""
 
-    exactly_one: ClassVar[tuple[str, ...]] = ("impulse_n_s", "velocity_m_s", "stop", "style", "clip")
+    exactly_one: ClassVar[tuple[str, ...]] = ("impulse_n_s", "velocity_m_s", "stop", "style", "clip", "rain")
 
     at_s: NotNegative
     herds: Annotated[tuple[Name, ...], Field(min_length=1)] | None = None
@@ -215,6 +228,8 @@ class Event(Model):
     """Way of moving from then on; with `herds` left out: of the herds that have it."""
     clip: ClipName | None = None
     """Clip to play over the walking or standing, then back; with `herds` left out: by the herds that have it."""
+    rain: Rain | None = None
+    """Random impulses from then on."""
     fade_s: NotNegative | None = None
     """Cross-fade to the style (left out: 0.3) or to the clip and back (0.1)."""
     hold_s: Positive | None = None
@@ -230,6 +245,11 @@ class Event(Model):
     def plays(self) -> bool:
         """Whether it is about what characters play; otherwise it moves them."""
         return self.style is not None or self.clip is not None
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is one impulse, or a velocity to go at from then on."""
+        return not self.plays and self.rain is None
 
     @property
     def turn(self) -> tuple[float, float] | None:

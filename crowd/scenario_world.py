@@ -7,14 +7,13 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
+from crowd.scenario_fluid import Density, Layer, River, Spectrum, Turbulence, Wave
 from crowd.scenario_ground import Area, Flat, Ground, Height
-from crowd.scenario_types import Model, Name, NotNegative, Number
-
-Density = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.1, le=25_000)]
+from crowd.scenario_types import Flag, Model, Name, NotNegative, Number, Positive
 
 
 class FluidRegion(Model):
-    """Fluid with a level surface over a rectangle (everywhere when `area_m` is left out)."""
+    """Fluid over a rectangle (everywhere when `area_m` is left out), level and steady unless more is said."""
 
     exactly_one: ClassVar[tuple[str, ...]] = ("fluid", "density_kg_m3")
 
@@ -28,6 +27,18 @@ class FluidRegion(Model):
     """Velocity of the fluid in the world [x, y, z]."""
     priority: Annotated[int, Field(strict=True, ge=-1000, le=1000)] = 0
     """Where regions overlap the highest priority holds."""
+    layers: Annotated[tuple[Layer, ...], Field(max_length=8)] = ()
+    """Other fluids below, from the top down."""
+    waves: Annotated[tuple[Wave, ...], Field(max_length=64)] = ()
+    """Trains of waves on the surface."""
+    spectrum: Spectrum | None = None
+    """A sea state, in addition."""
+    wave_depth_m: Positive | None = None
+    """Depth of the water for the waves; left out: the mean depth over the region where it is wet."""
+    river: River | None = None
+    turbulence: Turbulence | None = None
+    surface_tension_n_m: NotNegative = 0.0
+    """Holds up characters smaller than 0.1 m along their waterline, with `buoyancy`; 0.073 for clean water."""
 
 
 class World(Model):
@@ -39,6 +50,8 @@ class World(Model):
     max_step_height_m: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=100)] = 1.0
     """Ground further above or below a character is out of its feet's reach; it also tells levels apart."""
     fluids: tuple[FluidRegion, ...] = ()
+    buoyancy: Flag = False
+    """Record the share of its weight that each character's feet carry."""
 
 
 class Sigmoid(Model):
@@ -69,8 +82,8 @@ class FluidTable(Model):
     offset_force_n: Sigmoid
     fluids: Annotated[dict[Name, Fluid], Field(min_length=1)]
 
-    def fluid(self, region: FluidRegion) -> Fluid:
-        """The fluid of a region with every constant filled in."""
+    def fluid(self, region: FluidRegion | Layer) -> Fluid:
+        """The fluid of a region or layer with every constant filled in."""
         known = self.fluids[region.fluid] if region.fluid is not None else None
         density = known.density_kg_m3 if known is not None else region.density_kg_m3
         assert density is not None, "load() checks that a region names a fluid or a density"

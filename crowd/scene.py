@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd import characters, courses, placement
+from crowd import characters, courses, placement, wave_components
 from crowd import ground as grounds
 from crowd import scenario as scenarios
 from crowd.analysis.foot import Foot
@@ -19,7 +19,7 @@ from crowd.analysis.gait import Gait, analyse
 from crowd.analysis.motion import Motion
 from crowd.analysis.motion_set import Entry, MotionSet, default_clips, motion_set
 from crowd.curves import Curve
-from crowd.errors import InputError, fail
+from crowd.errors import InputError, Problem, fail
 from crowd.ground import Ground
 from crowd.scenario import Scenario
 from crowd.scenario_herd import Herd
@@ -27,6 +27,7 @@ from crowd.scenario_styles import NORMAL
 from crowd.styles import Play, Repertoire, StyleClips, repertoire, unmet
 from crowd.tracks import Track
 from crowd.types import Archetype, Clip
+from crowd.wave_components import Trains
 
 MOST_GAITS = 4
 SAMPLES = 64  # of every clip's table
@@ -95,6 +96,11 @@ class Scene:
             out = np.where(inside, region.surface_m, out)
         return out
 
+    def trains(self) -> list[Trains | None]:
+        """Wave components of the fluid regions, in the order of `by_priority`."""
+        around, seed = np.concatenate([herd.points for herd in self.herds]), self.scenario.seed
+        return [wave_components.trains(region, self.ground, around, seed) for region in by_priority(self.scenario)]
+
     @property
     def count(self) -> int:
         """Characters of all herds."""
@@ -129,7 +135,24 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Sequence[
             problems += error.problems
     if problems := problems or unmet(scenario, herds):
         raise InputError(dict.fromkeys(problems))
-    return Scene(scenario, terrain, tuple(herds))
+    scene = Scene(scenario, terrain, tuple(herds))
+    if problems := _buried(scene):
+        raise InputError(problems)
+    return scene
+
+
+def _buried(scene: Scene) -> list[Problem]:
+    """Fluids whose surface is below the ground wherever one looks."""
+    around = np.concatenate([herd.points for herd in scene.herds])
+    problems = []
+    for index, region in enumerate(scene.scenario.world.fluids):
+        lowest = float(wave_components.ground_under(region, scene.ground, around).min())
+        if region.surface_m < lowest:
+            where = scene.scenario.where("world", "fluids", index, "surface_m")
+            problems.append(
+                Problem(where, f"{region.surface_m}: below the ground, which is nowhere under {lowest:.3g} m")
+            )
+    return problems
 
 
 def _herd(scenario: Scenario, index: int, archetype: Archetype, terrain: Ground) -> HerdScene:

@@ -118,6 +118,7 @@ class Frame:
     pose_position: Array  # [3, n] m, world
     pose_orientation: Array  # [4, n]
     strides: StrideFrame | None  # of the semi-procedural system
+    apparent_weight: Array | None  # [n] share of the weight on the feet, where buoyancy is asked for
     joint_rotation: Array  # [4, J, n] joint to parent; empty unless poses are recorded
     joint_translation: Array  # [3, moving, n] m, joint to parent, unscaled
 
@@ -143,6 +144,7 @@ def blank_frame(layout: Layout, herd: HerdLayout, state: State) -> Frame:
         pose_position=zeros(3),
         pose_orientation=zeros(4),
         strides=_blank_strides(herd, zeros) if layout.gait == "semi_procedural" else None,
+        apparent_weight=zeros() if layout.fluid.buoyancy else None,
         joint_rotation=zeros(4, herd.joints if posed else 0),
         joint_translation=zeros(3, len(herd.moving) if posed else 0),
     )

@@ -57,7 +57,7 @@ def step(
     state = dataclasses.replace(state, previous=())
     with jax.named_scope("sense"):
         place = wall(
-            lambda c, s: sense.sense(layout, world, params.fluids, s.position, s.yaw, assets.spread * c.scale),
+            lambda c, s: sense.sense(layout, world, params.fluids, s.position, s.yaw, assets.spread * c.scale, s.frame),
             character,
             state,
         )
@@ -88,6 +88,7 @@ def step(
         with jax.named_scope("drag"):
             state, load = skin.fluid_drag(
                 layout,
+                params.fluids,
                 herd,
                 assets,
                 character,

@@ -54,6 +54,8 @@ def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Any, recorded: 
         pose_position=frame.pose_position,
         pose_orientation=frame.pose_orientation,
     )
+    if frame.apparent_weight is not None:
+        out["apparent_weight"] = frame.apparent_weight
     if frame.strides is not None:
         out |= _strides(slim, frame.strides, layout.record_pose)
     if layout.record_pose:

@@ -37,7 +37,7 @@ class Fluid(NamedTuple):
 
     density_drag: Array  # C_D0 rho, kg/m3
     offset_force: Array  # B, N (per A_ref in `area` mode, per triangle in `paper` mode)
-    surface: Array  # height of the surface in the frame of the positions, m; -inf when dry
+    surface: Array  # height of the surface in the frame of the positions, m; -inf when dry; [V, *b] where not level
     flow: Array  # m/s
 
 
@@ -103,18 +103,18 @@ def skinned(
     submersion: Submersion = "clipped",
     mode: OffsetMode = "area",
     wall: Wall = no_wall,
+    floor: Float[Array, "*c"] | None = None,
 ) -> Drag:
     """Drag on moving vertices; `velocity` is that of the vertices less the flow, m/s. triangles [T, 3] are static.
 
+    `fluid.surface` may differ over the vertices, [V, *b]: each triangle is then cut by the plane through its three.
+    floor: height below which another fluid lies, m; only what is between it and the surface counts.
     Triangles go through in groups whose arrays stay in a core's cache (`no_wall`: all at once, as a GPU likes it).
     """
 
-    def weights(corner: Array, vertices: Array, surface: Array) -> tuple[Array, ...]:
-        a, b, c = (surface - vertices[1, corner[k]] for k in range(3))
-        if submersion == "centroid":
-            share = jnp.where(a + b + c > 0, 1.0 / 3.0, 0.0)
-            return share, share, share
-        return wet_corner(a, b, c), wet_corner(b, c, a), wet_corner(c, a, b)
+    def weights(corner: Array, vertices: Array, *levels: Array) -> tuple[Array, ...]:
+        above, *below = (_corner_weights(_depths(level, corner, vertices), submersion) for level in levels)
+        return tuple(jnp.maximum(a - b, 0.0) for a, b in zip(above, *below, strict=True)) if below else above
 
     def mean(corner: Array, weight: tuple[Array, ...], field: Array) -> tuple[Array, ...]:
         """f times the field at the wet centroid."""
@@ -145,7 +145,7 @@ def skinned(
         return jnp.stack([*force, (magnitude * wet).sum(0), *moment, (factor * wet).sum(0)])
 
     def group(total: Array, corner: Array) -> tuple[Array, None]:
-        weight = wall(weights, corner, vertices, fluid.surface)
+        weight = wall(weights, corner, vertices, *levels)
         slip = wall(mean, corner, weight, velocity)
         centre = wall(mean, corner, weight, vertices)
         factor = wall(factors, corner, weight, slip, vertices, fluid)
@@ -153,18 +153,40 @@ def skinned(
         return total + wall(sums, factor, magnitude, slip, centre, weight), None
 
     fluid = fluid._replace(surface=jnp.maximum(fluid.surface, DRY))
+    levels = _levels(fluid.surface, floor)
     zero = jnp.zeros((8, *vertices.shape[2:]), vertices.dtype)
     if wall is no_wall:
         total, _ = group(zero, jnp.asarray(triangles.T))
     else:
-        total, _ = jax.lax.scan(group, zero, jnp.asarray(_grouped(triangles)))
+        total, _ = jax.lax.scan(group, zero, jnp.asarray(grouped(triangles)))
     return Drag(total[:3], total[3], total[4:7], total[7])
+
+
+def _levels(surface: Array, floor: Array | None) -> tuple[Array, ...]:
+    """The surface and, where there is one, the floor below it."""
+    return (surface,) if floor is None else (surface, jnp.minimum(jnp.maximum(floor, DRY), surface))
+
+
+def _depths(level: Array, corner: Array, vertices: Array) -> tuple[Array, Array, Array]:
+    """Depths of the corners of triangles under a level [*b], or one that differs over the vertices [V, *b]."""
+    own = level.ndim == vertices.ndim - 1
+    a, b, c = ((level[corner[k]] if own else level) - vertices[1, corner[k]] for k in range(3))
+    return a, b, c
+
+
+def _corner_weights(depths: tuple[Array, Array, Array], submersion: Submersion) -> tuple[Array, Array, Array]:
+    """Integrals of the barycentric coordinates over the part below a level, per unit of area."""
+    a, b, c = depths
+    if submersion == "centroid":
+        share = jnp.where(a + b + c > 0, 1.0 / 3.0, 0.0)
+        return share, share, share
+    return wet_corner(a, b, c), wet_corner(b, c, a), wet_corner(c, a, b)
 
 
 GROUP = 80  # triangles whose arrays for 128 characters fit a 1 MiB cache
 
 
-def _grouped(triangles: np.ndarray) -> np.ndarray:
+def grouped(triangles: np.ndarray) -> np.ndarray:
     """[groups, 3, GROUP]; the padding repeats one vertex three times: no area, no force."""
     groups = max(1, -(-len(triangles) // GROUP))
     size = -(-len(triangles) // groups)
@@ -191,22 +213,28 @@ def rigid(
     submersion: Submersion = "clipped",
     mode: OffsetMode = "area",
     wall: Wall = no_wall,
+    floor: Float[Array, "*c"] | None = None,
 ) -> Drag:
     """Drag on triangles that ride on bones. bones [blocks] (static): the bone of each block.
 
     transforms: rotation and position of each bone. velocity: of each bone's origin less the flow (world axes, m/s), and
-    its angular velocity in its own frame (rad/s). Linear in the masked factor, so totals are products with constants.
+    its angular velocity in its own frame (rad/s). floor: as in `skinned`. `fluid.surface` may differ over the bones,
+    [J, *b]. Linear in the masked factor, so totals are products with constants.
     """
 
-    def carried(transforms: Array, velocity: Array, scale: Array, surface: Array) -> Array:
-        """Into the bone's frame and its length unit: velocity (3), spin (3), up (3), depth of the origin."""
+    def carried(transforms: Array, velocity: Array, scale: Array, *levels: Array) -> Array:
+        """Into the bone's frame and its length unit: velocity (3), spin (3), up (3), depths of the origin."""
         back = quat.conjugate(transforms[:4])
         up = quat.rotate(back, jnp.zeros_like(transforms[4:]).at[1].set(1.0))
-        depth = (surface - transforms[5]) / scale
-        return jnp.concatenate([quat.rotate(back, velocity[:3]) / scale, velocity[3:], up, depth[None]])
+        depths = [(level - transforms[5]) / scale for level in levels]
+        return jnp.concatenate([quat.rotate(back, velocity[:3]) / scale, velocity[3:], up, *(d[None] for d in depths)])
 
     def shares(bone: Array) -> Array:
-        ux, uy, uz, depth = bone[6:, :, None]
+        ux, uy, uz, *depths = bone[6:, :, None]
+        above, *below = (share(ux, uy, uz, depth) for depth in depths)
+        return jnp.maximum(above - below[0], 0.0) if below else above
+
+    def share(ux: Array, uy: Array, uz: Array, depth: Array) -> Array:
         a, b, c = (depth - ux * x - uy * y - uz * z for x, y, z in mesh.corners)
         if submersion == "centroid":
             return jnp.where(a + b + c > 0, 1.0, 0.0)
@@ -243,7 +271,7 @@ def rigid(
         return jnp.concatenate([quat.rotate(transforms[:4], force), magnitude[None], moment, slope[None]])
 
     fluid = fluid._replace(surface=jnp.maximum(fluid.surface, DRY))
-    carried_bones = wall(carried, transforms, velocity, scale, fluid.surface)
+    carried_bones = wall(carried, transforms, velocity, scale, *_levels(fluid.surface, floor))
     bone = wall(lambda carried: carried[:, bones], carried_bones)
     wet = wall(shares, bone)
     factor = wall(factors, bone, wet, fluid, scale)

@@ -12,6 +12,7 @@ from crowd.components.sense import Surroundings
 from crowd.layout import Layout
 from crowd.params import Character, Params
 from crowd.state import State
+from kernels.rain import impulses
 from kernels.trig import sin_cos
 
 GRAVITY = 9.81  # m/s2
@@ -47,6 +48,19 @@ def impulse(layout: Layout, params: Params, character: Character, state: State, 
     return _plain(total)
 
 
+def rain(layout: Layout, params: Params, character: Character, state: State, place: Surroundings) -> Wrench:
+    """Random impulses of this frame, spread over it."""
+    del place
+    showers = params.events.rain
+    assert showers is not None and character.number is not None and character.rain is not None
+    total = jnp.zeros_like(state.velocity)
+    for k in range(showers.rate.shape[0]):
+        drop = impulses(showers.key[k], character.number, state.frame, showers.rate[k], showers.size[k], layout.dt)
+        now = (state.frame >= showers.span[0, k]) & (state.frame < showers.span[1, k])
+        total = total + jnp.where(now, character.rain[k], 0.0) * drop / layout.dt
+    return _plain(total)
+
+
 def slope(layout: Layout, params: Params, character: Character, state: State, place: Surroundings) -> Wrench:
     """Gravity's pull along the ground, m g grad(h) / (1 + |grad h|^2), as far as walking does not compensate it."""
     del layout, state
@@ -60,7 +74,7 @@ def _plain(force: Array) -> Wrench:
 
 
 Force = Callable[[Layout, Params, Character, State, Surroundings], Wrench]
-FORCES: dict[str, Force] = {"drag": drag, "impulse": impulse, "slope": slope}
+FORCES: dict[str, Force] = {"drag": drag, "impulse": impulse, "rain": rain, "slope": slope}
 
 
 def total(layout: Layout, params: Params, character: Character, state: State, place: Surroundings) -> Wrench:

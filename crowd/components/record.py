@@ -55,6 +55,7 @@ def frame(
         over_reach=legs.over_reach,
         pose_orientation=hung.orientation,
         strides=strides,
+        apparent_weight=load.apparent_weight,
         joint_rotation=joint_rotation,
         joint_translation=hung.translation if layout.record_pose else none,
         **in_world,

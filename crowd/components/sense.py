@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jax import Array
 
 from crowd.assets import GroundLayer, World
+from crowd.components import buoyancy, currents
 from crowd.layout import GroundLayout, Layout
-from crowd.params import Fluids
+from crowd.params import Fluids, Layers
 from kernels import terrain
 from kernels.drag import Fluid
 from kernels.fluid import sigmoid
@@ -23,6 +25,10 @@ class Surroundings(NamedTuple):
     ground: Array  # [n] m
     slope: Array  # [2, n] d(height)/d(x, z)
     fluid: Fluid  # surface in the world, -inf when dry
+    here: currents.Here | None = None  # where fluid is not level or not steady
+    under: tuple[Fluid, ...] = ()  # layers below the top fluid, from the top down
+    densities: tuple[Array, ...] = ()  # [n] kg/m3 of the fluid and of those under it, where buoyancy is asked for
+    tension: Array | None = None  # [n] N/m, where some are small enough
 
 
 def ground(layout: Layout, world: World, place: Array, altitude: Array | None = None) -> tuple[Array, Array]:
@@ -108,35 +114,51 @@ def _covered(shape: GroundLayout, layer: GroundLayer, place: Array) -> Array:
     return (place[0] >= x0) & (place[0] <= x1) & (place[1] >= z0) & (place[1] <= z1)
 
 
-def coefficients(fluids: Fluids) -> tuple[Array, Array]:
-    """C_D0 and B (N) of every region [R], from its density or as its fluid says (Eq. 8)."""
-    base = sigmoid(fluids.density, fluids.base_drag.a, fluids.base_drag.b, fluids.base_drag.c)
-    offset = sigmoid(fluids.density, fluids.offset_force.a, fluids.offset_force.b, fluids.offset_force.c)
+def coefficients(fluids: Fluids, of: Fluids | Layers) -> tuple[Array, Array]:
+    """C_D0 and B (N) of every fluid [R] of regions or their layers, from its density or as it says (Eq. 8)."""
+    base = sigmoid(of.density, fluids.base_drag.a, fluids.base_drag.b, fluids.base_drag.c)
+    offset = sigmoid(of.density, fluids.offset_force.a, fluids.offset_force.b, fluids.offset_force.c)
     return (
-        jnp.where(fluids.drag_override < 0, base, fluids.drag_override),
-        jnp.where(fluids.offset_override < 0, offset, fluids.offset_override),
+        jnp.where(of.drag_override < 0, base, of.drag_override),
+        jnp.where(of.offset_override < 0, offset, of.offset_override),
     )
 
 
 def fluid(layout: Layout, fluids: Fluids, place: Array) -> Fluid:
     """The fluid at world places [2, n]: that of the last region holding it; surface -inf outside all."""
-    coefficient, offset = coefficients(fluids)
+    return _found(layout, fluids, place, fluids, fluids.surface, fluids.flow)
+
+
+def _found(layout: Layout, fluids: Fluids, place: Array, of: Fluids | Layers, surface: Array, flow: Array) -> Fluid:
+    """One fluid of each region at places: density and constants `of` it, surface [R] and flow [3, R]."""
+    coefficient, offset = coefficients(fluids, of)
     x, z = place
     found = Fluid(jnp.zeros_like(x), jnp.zeros_like(x), jnp.full_like(x, -jnp.inf), jnp.zeros((3, *x.shape), x.dtype))
     for region in range(layout.regions):
         low, high = fluids.low[:, region], fluids.high[:, region]
         inside = (x >= low[0]) & (x <= high[0]) & (z >= low[1]) & (z <= high[1])
         found = Fluid(
-            jnp.where(inside, coefficient[region] * fluids.density[region], found.density_drag),
+            jnp.where(inside, coefficient[region] * of.density[region], found.density_drag),
             jnp.where(inside, offset[region], found.offset_force),
-            jnp.where(inside, fluids.surface[region], found.surface),
-            jnp.where(inside, fluids.flow[:, region].reshape(3, *(1,) * x.ndim), found.flow),
+            jnp.where(inside, surface[region], found.surface),
+            jnp.where(inside, flow[:, region].reshape(3, *(1,) * x.ndim), found.flow),
         )
     return found
 
 
-def sense(layout: Layout, world: World, fluids: Fluids, position: Array, yaw: Array, reach: Array) -> Surroundings:
-    """Everything about the place [3, n] a character stands at.
+def layers(layout: Layout, fluids: Fluids, place: Array) -> tuple[Fluid, ...]:
+    """The fluids below the top one at world places [2, n], from the top down; surface: their tops."""
+    found = []
+    for number in range(layout.fluid.layers):
+        one = jax.tree.map(lambda x, number=number: x[..., number, :], fluids.layers)
+        found.append(_found(layout, fluids, place, one, one.top, one.flow))
+    return tuple(found)
+
+
+def sense(
+    layout: Layout, world: World, fluids: Fluids, position: Array, yaw: Array, reach: Array, frame: Array
+) -> Surroundings:
+    """Everything about the place [3, n] a character stands at; frame: [n] frames it has lived.
 
     The slope is that of the ground within `reach` [n] m of it, along and across its yaw [n]: feet stand about there,
     and the pebble below the body's middle carries nothing.
@@ -144,7 +166,16 @@ def sense(layout: Layout, world: World, fluids: Fluids, position: Array, yaw: Ar
     place = position[jnp.array([0, 2])]
     level = height(layout, world, place, position[1])
     slope = slope_about(layout, world, place, level, position[1], yaw, reach)
-    return Surroundings(level, slope, fluid(layout, fluids, place))
+    found = fluid(layout, fluids, place)
+    under = layers(layout, fluids, place)
+    here, densities, tension = None, (), None
+    if layout.fluid.buoyancy:
+        densities, tension = buoyancy.surroundings(layout, fluids, place)
+    if layout.fluid.moving:
+        here = currents.region(layout, fluids, place, level)
+        rise = currents.rise(layout, fluids, here, place, currents.seconds(layout, frame))
+        found = found._replace(surface=found.surface + rise)
+    return Surroundings(level, slope, found, here, under, densities, tension)
 
 
 def slope_about(

@@ -11,11 +11,13 @@ import numpy as np
 from jax import Array
 
 from crowd.assets import HerdAssets
+from crowd.components import buoyancy, currents
 from crowd.components.sense import Surroundings
 from crowd.layout import HerdLayout, Layout
-from crowd.params import Character
+from crowd.params import Character, Fluids
 from crowd.state import FAULT_DRAG, State
 from kernels import drag, quat, skinning
+from kernels.drag import Fluid
 from kernels.trig import sin_cos
 from kernels.vec import cross
 from kernels.wall import Wall
@@ -27,6 +29,7 @@ class Load(NamedTuple):
     force: Array  # [3, n] N
     torque: Array  # [3, n] N m, (C_P - C_M) x F (Eq. 7)
     center_of_pressure: Array  # [3, n] m, relative to the position; NaN when dry
+    apparent_weight: Array | None = None  # [n] share of the weight on the feet
 
 
 def dry(state: State) -> Load:
@@ -48,6 +51,7 @@ def mesh(
 
 def fluid_drag(
     layout: Layout,
+    fluids: Fluids,
     herd: HerdLayout,
     assets: HerdAssets,
     character: Character,
@@ -65,10 +69,45 @@ def fluid_drag(
     The first frame has no frame before it, hence no limb velocities, and no drag.
     """
     fluid = place.fluid._replace(surface=jnp.maximum(place.fluid.surface - state.position[1], -1e3))
+    if place.here is not None:
+        points = moved[4:] if layout.mesh == "rigid" else moved
+        fluid = _uneven(layout, fluids, place, state, points, wall)
+    under = [
+        layer._replace(surface=jnp.minimum(layer.surface - state.position[1], fluid.surface)) for layer in place.under
+    ]
+    total, floor = None, None
+    for here in (*reversed(under), fluid):  # from the bottom up: the surface of each is the floor of the next
+        part = _drag(layout, herd, assets, character, previous, here, floor, way, moved, wall)
+        total = part if total is None else drag.Drag(*(a + b for a, b in zip(total, part, strict=True)))
+        floor = here.surface
+    weight = None
+    if place.densities:
+        surfaces = tuple(each.surface for each in (fluid, *under))
+        weight = buoyancy.apparent_weight(layout, herd, assets, character, place, surfaces, moved, wall)
+    hips = transforms[4:][:, np.array(herd.hips)]
+    force, arm, slope, center, fault = wall(_applied, state, total, hips)
+    torque, yaw_pitch, slopes = wall(_torques, state.yaw, force, arm, slope)
+    state = dataclasses.replace(state, force=force, torque=yaw_pitch, drag_slope=slopes, fault=fault)
+    return state, Load(force, torque, center, weight)
+
+
+def _drag(
+    layout: Layout,
+    herd: HerdLayout,
+    assets: HerdAssets,
+    character: Character,
+    previous: Array,
+    fluid: Fluid,
+    floor: Array | None,
+    way: Array,
+    moved: Array,
+    wall: Wall,
+) -> drag.Drag:
+    """Drag of one fluid, down to its floor (to the ground: None)."""
     rate = 1.0 / layout.dt
     if layout.mesh == "rigid":
         velocity = wall(functools.partial(_bone_velocity, rate), moved, previous, way, fluid.flow)
-        total = drag.rigid(
+        return drag.rigid(
             herd.block_bones.values,
             assets.rigid_mesh,
             moved,
@@ -78,26 +117,38 @@ def fluid_drag(
             layout.submersion,
             layout.offset_mode,
             wall,
+            floor,
         )
-    else:
-        velocity = wall(
-            lambda now, before, way, flow: (now - before + way[:, None]) * rate - flow[:, None],
-            moved,
-            previous,
-            way,
-            fluid.flow,
-        )
-        total = drag.skinned(herd.triangles.values, moved, velocity, fluid, layout.submersion, layout.offset_mode, wall)
-    hips = transforms[4:][:, np.array(herd.hips)]
-    force, arm, slope, center, fault = wall(_applied, state, total, hips)
-    torque, yaw_pitch, slopes = wall(_torques, state.yaw, force, arm, slope)
-    state = dataclasses.replace(state, force=force, torque=yaw_pitch, drag_slope=slopes, fault=fault)
-    return state, Load(force, torque, center)
+    velocity = wall(
+        lambda now, before, way, flow: (now - before + way[:, None]) * rate - _spread(flow, now),
+        moved,
+        previous,
+        way,
+        fluid.flow,
+    )
+    return drag.skinned(
+        herd.triangles.values, moved, velocity, fluid, layout.submersion, layout.offset_mode, wall, floor
+    )
+
+
+def _spread(flow: Array, over: Array) -> Array:
+    """[3, 1 or p, n]: one flow for a character, or one at each point."""
+    return flow if flow.ndim == over.ndim else flow[:, None]
+
+
+def _uneven(layout: Layout, fluids: Fluids, place: Surroundings, state: State, points: Array, wall: Wall) -> Fluid:
+    """The fluid with a surface [p, n] and a flow [3, p, n] of its own at each of the points [3, p, n] of the mesh."""
+    assert place.here is not None
+    time = currents.seconds(layout, state.frame)
+    surface, flow = currents.field(layout, fluids, place.here, state.position, time, points, wall)
+    return place.fluid._replace(
+        surface=surface, flow=wall(lambda flow, own: flow[:, None] + own, place.fluid.flow, flow)
+    )
 
 
 def _bone_velocity(rate: float, now: Array, before: Array, way: Array, flow: Array) -> Array:
     """[6, J, n]: velocity of each bone's origin less the flow, and its spin in its own frame."""
-    linear = (now[4:] - before[4:] + way[:, None]) * rate - flow[:, None]
+    linear = (now[4:] - before[4:] + way[:, None]) * rate - _spread(flow, now)
     turn = quat.multiply(quat.conjugate(before[:4]), now[:4])
     return jnp.concatenate([linear, turn[1:] * (2.0 * rate * jnp.sign(turn[0]))])
 

@@ -103,7 +103,8 @@ class Evaluation:
 
         def value(one: Any) -> Any:
             chosen = parameters.put(params, {f.steps: one[p][None] for p, f in enumerate(self.free)})
-            base, offset = coefficients(rollout.wide(chosen).fluids)
+            fluids = rollout.wide(chosen).fluids
+            base, offset = coefficients(fluids, fluids)
             return base[region.number, 0] + offset[region.number, 0] * self.per_offset[k]
 
         both = jax.vmap(jax.value_and_grad(value))(jnp.asarray(numbers, jnp.float32))
@@ -174,7 +175,7 @@ class Evaluation:
         params = parameters.assign(
             self._program()[2], {f.steps: float(f.value(place[p])) for p, f in enumerate(self.free)}
         )
-        base, offset = coefficients(params.fluids)
+        base, offset = coefficients(params.fluids, params.fluids)
         return float(base[region]), float(offset[region])
 
     def simulated(self, place: np.ndarray) -> simulate.Result:

@@ -62,20 +62,22 @@ def bodies_at(run: Any, scene: SceneLike, frame: int, most: int = MOST_TRIANGLES
     return bodies
 
 
-def surfaces(scene: SceneLike) -> list[Level]:
-    """Fluid surfaces of a scene as they are drawn, coloured by density."""
+def surfaces(scene: SceneLike, time: float = 0.0) -> list[Level]:
+    """Fluid surfaces of a scene as they are drawn at a time in s, coloured by density."""
     levels: list[Level] = []
     for level in sorted(levels_of(scene), key=lambda each: -each["priority"]):
         density = level["density_kg_m3"] or FLUIDS[0][0]
         _, color, clarity = min(FLUIDS, key=lambda fluid: abs(fluid[0] - density))
         x, z = (tuple(level[axis]) if level[axis] else (-np.inf, np.inf) for axis in ("x", "z"))
-        levels.append(Level(level["surface_m"], color, x, z, clarity, tuple(levels)))  # type: ignore[arg-type]
+        waves = tuple((a, kx, kz, phase - omega * time) for a, kx, kz, omega, phase in level.get("waves", ()))
+        levels.append(Level(level["surface_m"], color, x, z, clarity, tuple(levels), waves))  # type: ignore[arg-type]
     return levels
 
 
 def geometry_at(run: Any, scene: SceneLike, frame: int) -> Geometry:
     """Everything to be seen at a recorded frame."""
-    return Geometry(bodies_at(run, scene, frame), scene.ground, surfaces(scene), getattr(scene, "terrain", None))
+    levels = surfaces(scene, float(run.time[frame]))
+    return Geometry(bodies_at(run, scene, frame), scene.ground, levels, getattr(scene, "terrain", None))
 
 
 def travel_azimuth(run: Any, scene: SceneLike, frames: Sequence[int]) -> float:

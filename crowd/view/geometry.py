@@ -30,7 +30,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Level:
-    """A level fluid surface over a rectangle of the ground plane (m)."""
+    """A fluid surface over a rectangle of the ground plane (m), level or with waves at the moment of the picture."""
 
     height: float
     color: tuple[float, float, float] = (0.008, 0.12, 0.23)  # linear, where it is deep
@@ -38,6 +38,18 @@ class Level:
     z: tuple[float, float] = (-np.inf, np.inf)
     clarity: float = 1.3  # m of depth at which the bottom has almost gone
     under: tuple[Level, ...] = ()  # surfaces that take the place of this one where they are
+    waves: tuple[tuple[float, float, float, float], ...] = ()  # amplitude m, kx rad/m, kz, phase rad
+
+    def rise(self, x: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Height above `height`, m, and slopes along x and z."""
+        height, slope_x, slope_z = np.zeros((3, *x.shape), x.dtype)
+        for amplitude, kx, kz, phase in self.waves:
+            angle = x * x.dtype.type(kx) + z * x.dtype.type(kz) + x.dtype.type(phase)
+            height += x.dtype.type(amplitude) * np.cos(angle)
+            steep = np.sin(angle) * x.dtype.type(-amplitude)
+            slope_x += steep * x.dtype.type(kx)
+            slope_z += steep * x.dtype.type(kz)
+        return height, slope_x, slope_z
 
     def covers(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Whether the points x, z lie in the rectangle and in none of those that take its place."""

@@ -155,7 +155,9 @@ class Shader:
             tone *= np.sqrt(open_sky[on_ground])
         albedo[on_ground] *= tone[:, None]
         for level in self.geometry.levels:
-            wet = on_ground & (points[:, 1] < level.height - DRY) & level.covers(points[:, 0], points[:, 2])
+            x, z = points[:, 0], points[:, 2]
+            height = level.height + level.rise(x, z)[0] if level.waves else level.height
+            wet = on_ground & (points[:, 1] < height - DRY) & level.covers(x, z)
             albedo[wet] *= WET
         rim = np.where(on_ground, F32(0.0), F32(0.10) * (1.0 - np.abs(cosine)) ** 3)
         color = albedo * diffuse(normal, lit, open_sky) + rim[:, None] * HORIZON.astype(F32)
@@ -177,7 +179,7 @@ class Shader:
     ) -> None:
         """Lay a fluid surface over the band, in place: what is below is tinted by its depth, the sky is mirrored."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            along = F32(level.height - self.camera.eye[1]) / rays[:, 1]
+            along = self._along(level, rays)
             over = (distance - along) * np.abs(rays[:, 1]) > F32(DRY)
             pixel = np.nonzero((along > NEAR) & (along < 1e5) & over)[0]
         ray, reach = rays[pixel], along[pixel]
@@ -189,6 +191,10 @@ class Shader:
         through = np.exp(-length[:, None] * ABSORB)
         unit = ray / np.sqrt(_dot(ray, ray))[:, None]
         normal = ripples(x, z, reach * angle, np.abs(unit[:, 1]))
+        if level.waves:
+            _, slope_x, slope_z = level.rise(x, z)
+            normal += np.stack([-slope_x, 0 * slope_x, -slope_z], -1)
+            normal /= np.sqrt(_dot(normal, normal))[:, None]
         facing = np.clip(-_dot(normal, unit), 0.02, 1.0)
         mirror = unit + 2 * facing[:, None] * normal
         fresnel = (F32(0.02) + F32(0.60) * (1 - facing) ** 5)[:, None]
@@ -199,6 +205,24 @@ class Shader:
         body += edge * (F32(0.85) - body)
         color[pixel] = self._haze(body * (1 - fresnel) + fresnel * sky(mirror) + glint[:, None], reach)
         distance[pixel] = reach
+
+    def _along(self, level: Level, rays: np.ndarray) -> np.ndarray:
+        """[P] how far along the rays a fluid surface is met: waves by a few steps from the still level."""
+        eye = np.asarray(self.camera.eye, F32)
+        still = F32(level.height) - eye[1]
+        along = still / rays[:, 1]
+        if not level.waves:
+            return along
+        highest = F32(sum(wave[0] for wave in level.waves))
+        near = np.abs(rays[:, 1] * F32(400.0)) > np.abs(still) + highest  # further off waves are thinner than a line
+        ray, found = rays[near], along[near]
+        for _ in range(6):
+            height, slope_x, slope_z = level.rise(eye[0] + ray[:, 0] * found, eye[2] + ray[:, 2] * found)
+            fall = ray[:, 1] - slope_x * ray[:, 0] - slope_z * ray[:, 2]
+            fall = np.where(fall * ray[:, 1] > 0.25 * ray[:, 1] ** 2, fall, ray[:, 1])
+            found = found - (found * ray[:, 1] - still - height) / fall
+        along[near] = found
+        return along
 
 
 def grid_lines(points: np.ndarray, unit: np.ndarray, footprint: np.ndarray, slant: np.ndarray) -> np.ndarray:

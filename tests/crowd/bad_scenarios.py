@@ -232,6 +232,70 @@ TABLE = [
         (":11 world.fluids[0].fluid: 'watr'", "mean 'water'?", "goo"),
     ),
     Bad(
+        "no density",
+        *more(FLUIDS + "  - {density_kg_m3: 0, surface_m: 0}\n"),
+        (":11 world.fluids[0].density_kg_m3: 0: must be greater than or equal to 0.1",),
+    ),
+    Bad(
+        "layer above the surface",
+        *more(FLUIDS + "  - {fluid: water, surface_m: 0.5, layers: [{fluid: mud, top_m: 0.6}]}\n"),
+        (":11 world.fluids[0].layers[0].top_m: 0.6: must be below the surface at 0.5 m",),
+    ),
+    Bad(
+        "layers upside down",
+        *more(
+            FLUIDS + "  - {fluid: water, surface_m: 1, layers: [{fluid: mud, top_m: 0.2}, {fluid: goo, top_m: 0.3}]}\n"
+        ),
+        ("layers[1].top_m: 0.3: must be below the top of layers[0] at 0.2 m",),
+    ),
+    Bad(
+        "unknown fluid of a layer",
+        *more(FLUIDS + "  - {fluid: water, surface_m: 1, layers: [{fluid: mudd, top_m: 0.2}]}\n"),
+        (":11 world.fluids[0].layers[0].fluid: 'mudd'", "mean 'mud'?"),
+    ),
+    Bad(
+        "wave without length",
+        *more(FLUIDS + "  - {fluid: water, surface_m: 1, waves: [{amplitude_m: 0.1}]}\n"),
+        (":11 world.fluids[0].waves[0]: exactly one of wavelength_m, period_s", "none is given"),
+    ),
+    Bad(
+        "wave that breaks",
+        *more(FLUIDS + "  - {fluid: water, surface_m: 1, waves: [{amplitude_m: 0.5, wavelength_m: 3}]}\n"),
+        ("waves[0].amplitude_m: 0.5: a wave of 3 m breaks above 0.214 m",),
+    ),
+    Bad(
+        "wave too high for the depth",
+        *more(
+            FLUIDS + "  - {fluid: water, surface_m: 1, wave_depth_m: 0.5, waves: [{amplitude_m: 0.3, period_s: 3}]}\n"
+        ),
+        ("waves[0].amplitude_m: 0.3: in 0.5 m of water waves break above 0.195 m",),
+    ),
+    Bad(
+        "depth of no waves",
+        *more(FLUIDS + "  - {fluid: water, surface_m: 1, wave_depth_m: 0.5}\n"),
+        ("wave_depth_m: 0.5: there are no waves here",),
+    ),
+    Bad(
+        "unknown profile of a river",
+        *more(FLUIDS + "  - {fluid: water, surface_m: 1, river: {speed_m_s: 1, width_m: 3, profile: parabola}}\n"),
+        (":11 world.fluids[0].river.profile: 'parabola': must be one of parabolic, log",),
+    ),
+    Bad(
+        "turbulence of still water",
+        *more(FLUIDS + "  - {fluid: water, surface_m: 1, turbulence: {intensity_share: 0.1}}\n"),
+        ("turbulence.intensity_share: 0.1: a share of a flow of 0; intensity_m_s",),
+    ),
+    Bad(
+        "tension without buoyancy",
+        *more(FLUIDS + "  - {fluid: water, surface_m: 1, surface_tension_n_m: 0.07}\n"),
+        ("surface_tension_n_m: 0.07: shows in the weight on the feet only; world.buoyancy",),
+    ),
+    Bad(
+        "rain of nothing",
+        *more("events:\n- {at_s: 1, rain: {rate_hz: 0, impulse_n_s: 5}}\n"),
+        (":10 events[0].rain.rate_hz: 0: must be greater than 0",),
+    ),
+    Bad(
         "ramp of no length",
         *more("world: {ground: {kind: ramp, start_m: 2, end_m: 2, drop_m: 1}}\n"),
         (":9 world.ground.end_m: 2.0: must be above start_m",),

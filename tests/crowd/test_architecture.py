@@ -33,6 +33,8 @@ ROOMS: list[tuple[str, ...]] = [
         "crowd.tracks",
         "crowd.courses",
         "crowd.ground*",
+        "crowd.wave_components",
+        "crowd.river_flow",
     ),
     ("crowd.scene", "crowd.styles"),
     (
@@ -44,6 +46,7 @@ ROOMS: list[tuple[str, ...]] = [
         "crowd.herd_assets",
         "crowd.stride_assets",
         "crowd.initial",
+        "crowd.fluid_build",
         "crowd.build",
     ),
     ("crowd.components",),
