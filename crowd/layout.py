@@ -105,6 +105,15 @@ class GroundLayout:
 
 
 @dataclass(frozen=True)
+class WaterLayout:
+    """A water surface that the crowd moves."""
+
+    shape: tuple[int, int]  # rows and columns
+    feedback: bool  # characters feel it
+    counts: tuple[int, ...]  # characters of each herd: padding makes no waves
+
+
+@dataclass(frozen=True)
 class Layout:
     """The whole program."""
 
@@ -125,3 +134,4 @@ class Layout:
     record_pose: bool
     record_every: int  # frames
     walls: bool  # False where kernels are better large (GPU)
+    water: WaterLayout | None = None  # None: surfaces stay level

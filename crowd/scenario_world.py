@@ -9,6 +9,7 @@ from pydantic import Field
 
 from crowd.scenario_ground import Area, Flat, Ground, Height
 from crowd.scenario_types import Model, Name, NotNegative, Number
+from crowd.scenario_water import Water
 
 Density = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.1, le=25_000)]
 
@@ -39,6 +40,8 @@ class World(Model):
     max_step_height_m: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=100)] = 1.0
     """Ground further above or below a character is out of its feet's reach; it also tells levels apart."""
     fluids: tuple[FluidRegion, ...] = ()
+    water: Water | None = None
+    """Waves that characters make on the surface of a region; left out: surfaces stay level."""
 
 
 class Sigmoid(Model):

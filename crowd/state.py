@@ -93,6 +93,16 @@ class State:
 
 
 @pytree
+class Water:
+    """A water surface that the crowd moves, [rows, columns]: the last of a run's states."""
+
+    height: Array  # m, above the still surface
+    motion: Array  # m, of the waves' kinetic energy (kernels.water)
+    displaced: Array  # share of each cell's water that bodies took up in the frame before
+    frame: Array  # [1] int32, frames lived
+
+
+@pytree
 class StrideFrame:
     """What the semi-procedural system derives; prints, cycles and phases are in its state."""
 

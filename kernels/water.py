@@ -1,10 +1,10 @@
 """Linear waves on a height field, with exact dispersion, driven and hindered by bodies (Tessendorf 2004, 2014).
 
-A wave of wave number k (rad/m) turns at omega = sqrt(g k tanh(k h)) over water of depth h. The state is the height eta
-and, in place of the potential phi at the surface, the `motion` psi = (omega / g) phi of every wave, m: the two then turn
-into each other, d eta/dt = omega psi and d psi/dt = -omega eta, for any time step exactly. The energy is
-rho g / 2 (eta^2 + psi^2) summed over the surface, potential and kinetic, so whatever shrinks either at some place takes
-energy away. Fields are [..., rows along z, columns along x], periodic; spectra as `jnp.fft.rfft2` lays them out.
+A wave of wave number k (rad/m) turns at omega = sqrt(g k tanh(k h)) over water of depth h. The state is the height
+eta and, in place of the potential phi at the surface, the `motion` psi = (omega / g) phi of every wave, m: the two then
+turn into each other, d eta/dt = omega psi and d psi/dt = -omega eta, for any time step exactly. The energy is
+rho g / 2 (eta^2 + psi^2) summed over the surface, potential and kinetic, so whatever shrinks either at some place
+takes energy away. Fields are [..., rows along z, columns along x], periodic; spectra as `jnp.fft.rfft2` lays them out.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def splat(
 ) -> Float[Array, "r c"]:
     """Amounts at columns u and rows v (cells from the middle of the first one) shared among 4 x 4 cells each.
 
-    Cubic B-splines: their sum is the amount, their mean the place, and they move smoothly. What is off the grid is lost.
+    Cubic B-splines: their sum is the amount, their mean the place, and they move smoothly. Off the grid they are lost.
     """
     rows, columns = shape
     i, across = _spline(u)
