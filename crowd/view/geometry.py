@@ -10,6 +10,7 @@ import numpy as np
 from crowd.ground import Ground
 from crowd.view.camera import Camera
 from crowd.view.ground_sheets import Sheet, ground_sheets
+from crowd.view.relief import Relief
 
 Field = Callable[[np.ndarray, np.ndarray], np.ndarray]  # (x, z) in m to a height in m
 
@@ -38,6 +39,7 @@ class Level:
     z: tuple[float, float] = (-np.inf, np.inf)
     clarity: float = 1.3  # m of depth at which the bottom has almost gone
     under: tuple[Level, ...] = ()  # surfaces that take the place of this one where they are
+    relief: Relief | None = None  # its waves
 
     def covers(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Whether the points x, z lie in the rectangle and in none of those that take its place."""

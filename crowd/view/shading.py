@@ -17,6 +17,8 @@ SHEEN = np.array([0.008, 0.018, 0.026], np.float32)  # light scattered back by t
 DRY = 0.004  # m under the surface up to which the ground is still drawn dry: level ground and surface do not flicker
 EDGE = 0.05  # difference of normals from which the pixels of the ground between them are drawn finely
 UNDER = 0.5  # m below the ground seen from above: a body under a deck, which darkens nothing on the deck
+WAVE_STEPS = 4  # towards where a ray meets the waves
+WAVE_LIGHT = 1.6  # how much brighter water is that slopes towards the sun
 F32 = np.float32
 
 
@@ -178,27 +180,48 @@ class Shader:
         """Lay a fluid surface over the band, in place: what is below is tinted by its depth, the sky is mirrored."""
         with np.errstate(divide="ignore", invalid="ignore"):
             along = F32(level.height - self.camera.eye[1]) / rays[:, 1]
+            slopes = None if level.relief is None else self._waves(level, along, rays)
             over = (distance - along) * np.abs(rays[:, 1]) > F32(DRY)
             pixel = np.nonzero((along > NEAR) & (along < 1e5) & over)[0]
         ray, reach = rays[pixel], along[pixel]
-        x, z = F32(self.camera.eye[0]) + ray[:, 0] * reach, F32(self.camera.eye[2]) + ray[:, 2] * reach
+        x, z = self._crossing(ray, reach)
         inside = level.covers(x, z)
         pixel, ray, reach, x, z = pixel[inside], ray[inside], reach[inside], x[inside], z[inside]
         beyond = np.clip(distance[pixel] - reach, 0.0, 1e3)
         length = (beyond * np.abs(ray[:, 1]) * F32(1.5) + np.minimum(beyond, 8.0) * F32(0.05)) / F32(level.clarity)
         through = np.exp(-length[:, None] * ABSORB)
         unit = ray / np.sqrt(_dot(ray, ray))[:, None]
-        normal = ripples(x, z, reach * angle, np.abs(unit[:, 1]))
+        steep = None if slopes is None else slopes[:, pixel]
+        normal = ripples(x, z, reach * angle, np.abs(unit[:, 1]), steep)
         facing = np.clip(-_dot(normal, unit), 0.02, 1.0)
         mirror = unit + 2 * facing[:, None] * normal
         fresnel = (F32(0.02) + F32(0.60) * (1 - facing) ** 5)[:, None]
         glint = np.clip(mirror @ TO_SUN.astype(F32), 0.0, 1.0) ** 220 * F32(0.5)
         body = color[pixel] * through + np.asarray(level.color, F32) * (1 - through) + SHEEN
+        if steep is not None:
+            body *= np.clip(1 - F32(WAVE_LIGHT) * (steep[0] * TO_SUN[0] + steep[1] * TO_SUN[2]), 0.4, 2.2)[:, None]
         # Where the surface meets a leg or the shore a pale line shows the height of the water.
         edge = np.exp(-((beyond / F32(0.035)) ** 2))[:, None] * F32(0.35)
         body += edge * (F32(0.85) - body)
         color[pixel] = self._haze(body * (1 - fresnel) + fresnel * sky(mirror) + glint[:, None], reach)
         distance[pixel] = reach
+
+
+    def _crossing(self, rays: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """x and z [P] where rays [P, 3] have come after `along` [P]."""
+        return F32(self.camera.eye[0]) + rays[:, 0] * along, F32(self.camera.eye[2]) + rays[:, 2] * along
+
+    def _waves(self, level: Level, along: np.ndarray, rays: np.ndarray) -> np.ndarray:
+        """Slopes [2, P] of the waves that rays meet; `along` [P], their way to the still surface, is put right."""
+        assert level.relief is not None
+        slopes = np.zeros((2, len(along)), F32)
+        some = np.nonzero((along > NEAR) & (along < 1e5))[0]
+        ray = rays[some]
+        for _ in range(WAVE_STEPS):
+            rise = level.relief.at(*self._crossing(ray, along[some]))
+            along[some] = (F32(level.height - self.camera.eye[1]) + rise[0]) / ray[:, 1]
+        slopes[:, some] = level.relief.at(*self._crossing(ray, along[some]))[1:]
+        return slopes
 
 
 def grid_lines(points: np.ndarray, unit: np.ndarray, footprint: np.ndarray, slant: np.ndarray) -> np.ndarray:
@@ -222,8 +245,13 @@ def grid_lines(points: np.ndarray, unit: np.ndarray, footprint: np.ndarray, slan
     return factor
 
 
-def ripples(x: np.ndarray, z: np.ndarray, footprint: np.ndarray, slant: np.ndarray) -> np.ndarray:
-    """Unit normals [P, 3] of a quiet water surface; waves smaller than a pixel fade away."""
+def ripples(
+    x: np.ndarray, z: np.ndarray, footprint: np.ndarray, slant: np.ndarray, slopes: np.ndarray | None = None
+) -> np.ndarray:
+    """Unit normals [P, 3] of a quiet water surface; waves smaller than a pixel fade away.
+
+    slopes: [2, P] along x and z of simulated waves; the quiet ones are a third as high then.
+    """
     slope_x, slope_z = np.zeros(len(x), F32), np.zeros(len(x), F32)
     blur = footprint / np.maximum(slant, F32(0.05))
     for length, angle, steep in ((2.3, 0.4, 0.018), (1.1, 1.5, 0.022), (0.61, -0.7, 0.024), (0.37, 2.4, 0.022)):
@@ -231,5 +259,7 @@ def ripples(x: np.ndarray, z: np.ndarray, footprint: np.ndarray, slant: np.ndarr
         wave = F32(steep) * np.cos(kx * x + kz * z + F32(3 * angle)) * np.exp(-((blur * F32(2 / length)) ** 2))
         slope_x += wave * F32(np.cos(angle))
         slope_z += wave * F32(np.sin(angle))
+    if slopes is not None:
+        slope_x, slope_z = slope_x / 3 + slopes[0], slope_z / 3 + slopes[1]
     normal = np.stack([-slope_x, np.ones_like(slope_x), -slope_z], -1)
     return normal / np.sqrt(_dot(normal, normal))[:, None]
