@@ -98,7 +98,7 @@ class Water:
 
     height: Array  # m, above the still surface
     motion: Array  # m, of the waves' kinetic energy (kernels.water)
-    displaced: Array  # share of each cell's water that bodies took up in the frame before
+    pushed: Array  # [2, rows, columns // 2 + 1] m, spectrum (real, imaginary) of what bodies pushed up so far
     frame: Array  # [1] int32, frames lived
 
 

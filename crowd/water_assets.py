@@ -53,8 +53,9 @@ def still_water(scene: Scene) -> tuple[Water, ...]:
     grid = scene.water
     if grid is None:
         return ()
-    level = np.zeros((len(grid.z), len(grid.x)), F32)
-    return (Water(level, level.copy(), level.copy(), np.zeros(1, np.int32)),)  # pyright: ignore[reportArgumentType]
+    rows, columns = len(grid.z), len(grid.x)
+    level, spectrum = np.zeros((rows, columns), F32), np.zeros((2, rows, columns // 2 + 1), F32)
+    return (Water(level, level.copy(), spectrum, np.zeros(1, np.int32)),)  # pyright: ignore[reportArgumentType]
 
 
 def _calm(grid: WaterGrid) -> np.ndarray:

@@ -18,6 +18,8 @@ from kernels import terrain
 from kernels.wall import Wall, no_wall
 
 GRAVITY = 9.81  # m/s2
+STEEPEST = 0.4  # slope near which real waves break (Stokes' steepest wave has k a = 0.44)
+BREAKING = 10.0  # 1/s
 
 
 class Waves(NamedTuple):
@@ -26,7 +28,7 @@ class Waves(NamedTuple):
     cos: Float[Array, "r h"]  # of the angle omega dt
     sin: Float[Array, "r h"]
     drift: Complex[Array, "r h"]  # the way that the water itself goes in the step
-    reach: Float[Array, "r h"]  # m, tanh(k h) / k: how much of a column's depth moves the surface
+    reach: Float[Array, "2 r h"]  # m: how much of the upper and the lower layer's depth moves the surface
     flow: Float[Array, "2 r h"]  # 1/s, (x, z) velocity at the surface per motion, a quarter turn ahead
 
 
@@ -35,10 +37,14 @@ def waves(
     cell: Float[Array, ""],
     dt: float,
     depth: Float[Array, ""],
+    upper: Float[Array, ""],
     current: Float[Array, "2"],
     gravity: float = GRAVITY,
 ) -> Waves:
-    """The step of dt s for a grid of `shape` with cells of `cell` m, over `depth` m of water moving at (x, z) m/s."""
+    """The step of dt s for a grid of `shape` with cells of `cell` m, over `depth` m of water moving at (x, z) m/s.
+
+    upper: thickness, m, of the layer of water in which bodies move short waves too, less than the depth.
+    """
     rows, columns = shape
     cycles_z, cycles_x = jnp.fft.fftfreq(rows)[:, None], jnp.fft.rfftfreq(columns)[None, :]
     kx, kz = (2.0 * jnp.pi / cell) * cycles_x, (2.0 * jnp.pi / cell) * cycles_z
@@ -55,27 +61,42 @@ def waves(
         cos=jnp.cos(omega * dt),
         sin=jnp.sin(omega * dt),
         drift=jnp.cos(turned) - 1j * jnp.sin(turned),
-        reach=jnp.where(moving, steep / k, depth),
+        reach=jnp.where(moving, _reach(k, depth, upper) / k, jnp.stack([upper, depth - upper])[:, None, None]),
         flow=jnp.stack([jnp.where(sloping_x, kx * speed, 0.0), jnp.where(sloping_z, kz * speed, 0.0)]),
     )
+
+
+def _reach(k: Float[Array, "r h"], depth: Float[Array, ""], upper: Float[Array, ""]) -> Float[Array, "2 r h"]:
+    """k times the depths of `Waves.reach`: integrals of cosh(k (z + h)) / cosh(k h) over each layer, in falling
+    exponentials. Together they are tanh(k h)."""
+    lower = (jnp.exp(-k * upper) - jnp.exp(-k * (2.0 * depth - upper))) / (1.0 + jnp.exp(-2.0 * k * depth))
+    return jnp.stack([jnp.tanh(k * depth) - lower, lower])
+
+
+def pushed(bodies: Float[Array, "*b 2 r c"], waves: Waves) -> Complex[Array, "*b r h"]:
+    """Spectrum of the height, m, that water gains where bodies are put into it at once.
+
+    bodies: share of each cell's water that they take up in the upper and in the lower layer. Sources at depth z lift the
+    surface by cosh(k (z + h)) / cosh(k h) (Laplace's equation with phi = 0 above and no flow through the bottom): long
+    waves by the volume, short ones by what is near the surface.
+    """
+    return (waves.reach * jnp.fft.rfft2(bodies)).sum(-3)
 
 
 def propagate(
     height: Float[Array, "*b r c"],
     motion: Float[Array, "*b r c"],
-    before: Float[Array, "*b r c"],
-    now: Float[Array, "*b r c"],
+    before: Complex[Array, "*b r h"],
+    now: Complex[Array, "*b r h"],
     waves: Waves,
 ) -> tuple[Float[Array, "*b r c"], Float[Array, "*b r c"]]:
     """Height and motion, m, one step later, while bodies move.
 
-    before, now: share of each cell's water column that bodies take up. They push away what they move into and leave
-    room where they come from; a source that reaches from the surface to the bottom lifts the surface by tanh(k h) / k
-    (Laplace's equation with phi = 0 above and no flow through the bottom).
+    before, now: spectra of what they have `pushed`: they push away what they move into and leave room behind.
     """
     shape = height.shape[-2:]
-    eta, psi, was, is_ = (jnp.fft.rfft2(field) for field in (height, motion, before, now))
-    risen = waves.drift * (waves.cos * eta + waves.sin * psi - waves.reach * was) + waves.reach * is_
+    eta, psi = jnp.fft.rfft2(height), jnp.fft.rfft2(motion)
+    risen = waves.drift * (waves.cos * eta + waves.sin * psi - before) + now
     swung = waves.drift * (waves.cos * psi - waves.sin * eta)
     return jnp.fft.irfft2(risen, shape), jnp.fft.irfft2(swung, shape)
 
@@ -92,6 +113,16 @@ def damped(
     """
     kept = jnp.exp(-calm * dt)
     return height * kept, motion * (kept * jnp.exp(-blocked * dt))
+
+
+def breaking(height: Float[Array, "*b r c"], cell: Float[Array, ""]) -> Float[Array, "*b r c"]:
+    """1/s, the rate at which waves lose motion where they are steeper than STEEPEST: linear ones would go on growing.
+
+    From 0 with the square of the slope, at most 10 times BREAKING.
+    """
+    by_x, by_z = ((jnp.roll(height, -1, axis) - jnp.roll(height, 1, axis)) / (2.0 * cell) for axis in (-1, -2))
+    excess = (by_x * by_x + by_z * by_z) / (STEEPEST * STEEPEST) - 1.0
+    return BREAKING * jnp.clip(excess, 0.0, 10.0)
 
 
 def surface_flow(motion: Float[Array, "*b r c"], waves: Waves) -> Float[Array, "*b 2 r c"]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
 from jax import Array
@@ -18,6 +18,7 @@ from kernels.wall import Wall
 from kernels.water import Waves
 
 BLOCKING = 30.0  # 1/s, how fast water comes to rest inside a body
+UPPER = 0.15  # m, the layer in which bodies move waves as short as theirs
 
 
 class Felt(NamedTuple):
@@ -32,7 +33,8 @@ class Felt(NamedTuple):
 def prepared(layout: Layout, assets: Assets, params: Params) -> Waves:
     """What a step does to every wave: once for all frames."""
     assert layout.water is not None and assets.water is not None and params.water is not None
-    return water.waves(layout.water.shape, assets.water.cell, layout.dt, params.water.depth, params.water.current)
+    numbers = params.water.depth, _upper(params), params.water.current
+    return water.waves(layout.water.shape, assets.water.cell, layout.dt, *numbers)
 
 
 def felt(layout: Layout, assets: Assets, params: Params, state: Water, waves: Waves, wall: Wall) -> Felt | None:
@@ -70,62 +72,77 @@ def moved(
 ) -> Water:
     """The surface one frame on, after all herds have stepped."""
     assert layout.water is not None and assets.water is not None and params.water is not None
-    u, v, amount = wall(lambda *given: _columns(layout, assets, *given), params, states, frames)
-    now = wall(lambda *given: water.splat(layout.water.shape, *given), u, v, amount)  # type: ignore[union-attr]
-    before = jnp.where(state.frame > 0, state.displaced, now)
-    gain = params.water.strength
-    height, motion = wall(water.propagate, state.height, state.motion, gain * before, gain * now, waves)
-    blocked = BLOCKING * jnp.minimum(now, 1.0)
-    height, motion = wall(
-        lambda *given: water.damped(*given, layout.dt), height, motion, assets.water.calm, blocked
+    shape, upper = layout.water.shape, _upper(params)
+    u, v, shares = wall(lambda *given: _columns(layout, assets, *given), params, states, frames)
+    bodies = wall(
+        lambda *given: jnp.stack([water.splat(shape, *given[:2], share) for share in given[2]]), u, v, shares
     )  # fmt: skip
-    return Water(height, motion, now, state.frame + 1)
+    now = wall(water.pushed, params.water.strength * bodies, waves)
+    before = jnp.where(state.frame > 0, state.pushed[0] + 1j * state.pushed[1], now)
+    height, motion = wall(water.propagate, state.height, state.motion, before, now, waves)
+    blocked = BLOCKING * jnp.minimum(bodies[0], 1.0) + wall(water.breaking, height, assets.water.cell)
+    height, motion = wall(lambda *given: water.damped(*given, layout.dt), height, motion, assets.water.calm, blocked)
+    return Water(height, motion, jnp.stack([now.real, now.imag]), state.frame + 1)
+
+
+class Columns(NamedTuple):
+    """Upright columns of k parts of every character: place (x, z), lower and upper end in the world, m, section, m2."""
+
+    place: Array  # [tiles, 2, k, n]
+    bottom: Array  # [tiles, k, n]
+    top: Array
+    area: Array
+
+
+def _upper(params: Params) -> Array:
+    """Thickness of the upper layer, m."""
+    assert params.water is not None
+    return jnp.minimum(UPPER, 0.5 * params.water.depth)
 
 
 def _columns(
     layout: Layout, assets: Assets, params: Params, states: tuple[State, ...], frames: tuple[Frame, ...]
 ) -> tuple[Array, Array, Array]:
-    """Of all herds' columns [k], one after the other: place in cells, and share of a cell's water they take up."""
+    """Of all herds' columns [k], one after the other: place in cells, and share [2, k] of a cell's water in each layer."""
     assert layout.water is not None and assets.water is not None and params.water is not None
+    upper, level = _upper(params), params.water.surface
     parts = []
     for which, body in enumerate(assets.water.bodies):
         character, state, frame = params.characters[which], states[which], frames[which]
-        columns = [_legs(body, character, state, frame, params.water.surface)]
-        columns += [_trunk(body, character, state, frame, params.water.surface)]
         real = jnp.arange(state.phase.size).reshape(state.phase.shape) < layout.water.counts[which]
-        there = real & (state.fault == 0)
-        for place, volume in columns:
-            sound = there[:, None] & jnp.isfinite(place[:, 0] + place[:, 1] + volume)
-            kept = [jnp.where(sound, value, 0.0).reshape(-1) for value in (place[:, 0], place[:, 1], volume)]
-            parts.append(jnp.stack(kept))
-    x, z, volume = jnp.concatenate(parts, 1)
+        for part in (_legs(body, character, state, frame, level), _trunk(body, character, state, frame)):
+            above = jnp.minimum(part.top, level) - jnp.maximum(part.bottom, level - upper)
+            below = jnp.minimum(part.top, level - upper) - part.bottom
+            x, z = part.place[:, 0], part.place[:, 1]
+            wet = [part.area * jnp.maximum(each, 0.0) for each in (above, below)]
+            sound = (real & (state.fault == 0))[:, None] & jnp.isfinite(x + z + wet[0] + wet[1])
+            parts.append(jnp.stack([jnp.where(sound, value, 0.0).reshape(-1) for value in (x, z, *wet)]))
+    x, z, above, below = jnp.concatenate(parts, 1)
     cell, origin = assets.water.cell, assets.water.origin
-    return (x - origin[0]) / cell, (z - origin[1]) / cell, volume / (cell * cell * params.water.depth)
+    shares = jnp.stack([above / upper, below / (params.water.depth - upper)]) / (cell * cell)
+    return (x - origin[0]) / cell, (z - origin[1]) / cell, shares
 
 
-def _legs(body: WaterBody, character: Character, state: State, frame: Frame, level: Array) -> tuple[Any, Array]:
-    """Place (x, z) [tiles, 2, L, n] and volume [tiles, L, n] m3 under water of each leg, from its ankle to its hip.
-
-    It stands where the middle of its wet part is.
-    """
+def _legs(body: WaterBody, character: Character, state: State, frame: Frame, level: Array) -> Columns:
+    """Each leg from its ankle to its hip, or to the trunk's underside; it stands where the middle of its wet part is."""
     scale = character.scale[:, None]
     x, z = _turned(body.hips[0] * scale, body.hips[2] * scale, state.yaw[:, None])
     hip = jnp.stack([x, body.hips[1] * scale, z], 1) + frame.pose_position[:, :, None]
-    length = jnp.maximum(hip[:, 1] - frame.ankle[:, 1], 0.05 * scale)
-    wet = jnp.clip(level - frame.ankle[:, 1], 0.0, length)
-    share = 0.5 * wet / length
+    ankle = frame.ankle[:, 1]
+    length = jnp.maximum(hip[:, 1] - ankle, 0.05 * scale)
+    share = 0.5 * jnp.clip((level - ankle) / length, 0.0, 1.0)
     place = frame.ankle + (hip - frame.ankle) * share[:, None]
-    return place[:, ::2], body.leg_area * scale * scale * wet
+    top = ankle + jnp.minimum(length, jnp.maximum(frame.pose_position[:, 1:2] + body.bottom * scale - ankle, 0.0))
+    return Columns(place[:, ::2], ankle, top, body.leg_area * scale * scale)
 
 
-def _trunk(body: WaterBody, character: Character, state: State, frame: Frame, level: Array) -> tuple[Any, Array]:
-    """The same of the thirds of a trunk [tiles, 2, 3, n] and [tiles, 3, n]."""
+def _trunk(body: WaterBody, character: Character, state: State, frame: Frame) -> Columns:
+    """The thirds of the trunk."""
     scale = character.scale[:, None]
     x, z = _turned(body.trunk[0] * scale, body.trunk[1] * scale, state.yaw[:, None])
-    bottom = frame.pose_position[:, 1:2] + body.bottom * scale
-    wet = jnp.clip(level - bottom, 0.0, (body.top - body.bottom) * scale)
     place = jnp.stack([x, z], 1) + frame.pose_position[:, ::2, None]
-    return place, jnp.broadcast_to(body.trunk_area / 3.0 * scale * scale * wet, place[:, 0].shape)
+    ends = (frame.pose_position[:, 1:2] + end * scale + 0.0 * x for end in (body.bottom, body.top))
+    return Columns(place, *ends, body.trunk_area / 3.0 * scale * scale)
 
 
 def _turned(x: Array, z: Array, yaw: Array) -> tuple[Array, Array]:

@@ -17,8 +17,9 @@ SHEEN = np.array([0.008, 0.018, 0.026], np.float32)  # light scattered back by t
 DRY = 0.004  # m under the surface up to which the ground is still drawn dry: level ground and surface do not flicker
 EDGE = 0.05  # difference of normals from which the pixels of the ground between them are drawn finely
 UNDER = 0.5  # m below the ground seen from above: a body under a deck, which darkens nothing on the deck
-WAVE_STEPS = 4  # towards where a ray meets the waves
+WAVE_STEPS = 8  # towards where a ray meets the waves
 WAVE_LIGHT = 1.6  # how much brighter water is that slopes towards the sun
+FINEST = 0.25  # m, simulated waves that are drawn to this length
 F32 = np.float32
 
 
@@ -206,7 +207,6 @@ class Shader:
         color[pixel] = self._haze(body * (1 - fresnel) + fresnel * sky(mirror) + glint[:, None], reach)
         distance[pixel] = reach
 
-
     def _crossing(self, rays: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """x and z [P] where rays [P, 3] have come after `along` [P]."""
         return F32(self.camera.eye[0]) + rays[:, 0] * along, F32(self.camera.eye[2]) + rays[:, 2] * along
@@ -219,7 +219,8 @@ class Shader:
         ray = rays[some]
         for _ in range(WAVE_STEPS):
             rise = level.relief.at(*self._crossing(ray, along[some]))
-            along[some] = (F32(level.height - self.camera.eye[1]) + rise[0]) / ray[:, 1]
+            met = (F32(level.height - self.camera.eye[1]) + rise[0]) / ray[:, 1]
+            along[some] = F32(0.5) * (along[some] + met)  # halfway: waves as steep as the view do not throw it about
         slopes[:, some] = level.relief.at(*self._crossing(ray, along[some]))[1:]
         return slopes
 
@@ -260,6 +261,7 @@ def ripples(
         slope_x += wave * F32(np.cos(angle))
         slope_z += wave * F32(np.sin(angle))
     if slopes is not None:
-        slope_x, slope_z = slope_x / 3 + slopes[0], slope_z / 3 + slopes[1]
+        seen = np.exp(-((blur * F32(2 / FINEST)) ** 2))
+        slope_x, slope_z = slope_x / 3 + seen * slopes[0], slope_z / 3 + seen * slopes[1]
     normal = np.stack([-slope_x, np.ones_like(slope_x), -slope_z], -1)
     return normal / np.sqrt(_dot(normal, normal))[:, None]

@@ -17,7 +17,14 @@ STILL = np.zeros(2)
 
 
 def made(shape: tuple[int, int], cell: float, dt: float, depth: float, current: np.ndarray = STILL) -> Any:
-    return water.waves(shape, jnp.asarray(cell), dt, jnp.asarray(depth), jnp.asarray(current))
+    return water.waves(
+        shape, jnp.asarray(cell), dt, jnp.asarray(depth), jnp.asarray(0.25 * depth), jnp.asarray(current)
+    )
+
+
+def nothing(height: Any) -> Any:
+    """The spectrum of no bodies at all."""
+    return jnp.fft.rfft2(jnp.zeros_like(height))
 
 
 def bumps(seed: int, *shape: int) -> np.ndarray:
@@ -33,10 +40,10 @@ def bumps(seed: int, *shape: int) -> np.ndarray:
 
 def run(fields: Any, wave: Any, steps: int, calm: Any = 0.0, blocked: Any = 0.0, dt: float = 1 / 60) -> list[Any]:
     """Height and motion after each step without bodies that move: [steps, ...]."""
-    none = jnp.zeros_like(fields[0])
+    none, still = jnp.zeros_like(fields[0]), nothing(fields[0])
 
     def one(carry: Any, _: Any) -> Any:
-        carry = water.damped(*water.propagate(*carry, none, none, wave), calm + none, blocked + none, dt)
+        carry = water.damped(*water.propagate(*carry, still, still, wave), calm + none, blocked + none, dt)
         return carry, carry
 
     return list(jax.jit(lambda f: jax.lax.scan(one, f, None, steps))(fields)[1])
@@ -58,7 +65,7 @@ def test_plane_waves_travel_as_airy_says(cycles: tuple[int, int], depth: float, 
         return 0.1 * np.cos(phase), 0.1 * np.sin(phase)
 
     def three(height: Any, motion: Any) -> Any:
-        wave, none = made((rows, columns), cell, dt, depth), jnp.zeros_like(height)
+        wave, none = made((rows, columns), cell, dt, depth), nothing(height)
         for _ in range(3):
             height, motion = water.propagate(height, motion, none, none, wave)
         return height, motion
@@ -71,7 +78,7 @@ def test_a_current_carries_waves_along() -> None:
     cell, dt, depth = 0.25, 0.1, 0.7
     height, motion = jnp.asarray(bumps(0, 16, 32)), jnp.asarray(bumps(1, 16, 32))
     current = np.array([2 * cell, -cell]) / dt
-    none = jnp.zeros_like(height)
+    none = nothing(height)
     still = water.propagate(height, motion, none, none, made((16, 32), cell, dt, depth))
     moved = water.propagate(height, motion, none, none, made((16, 32), cell, dt, depth, current))
     for a, b in zip(still, moved, strict=True):
@@ -122,6 +129,19 @@ def test_a_barrier_reflects() -> None:
     assert at_end[1] > 0.5 * energy[0]
 
 
+def test_only_steep_waves_break() -> None:
+    """Up to a slope of 0.4 nothing is lost; beyond it energy falls, no volume does, and the rate is bounded."""
+    x = np.arange(64) * 0.1
+    k = 2 * np.pi * 4 / 6.4
+    wave = np.broadcast_to(np.cos(k * x), (8, 64))
+    gentle, steep, wild = (
+        np.asarray(water.breaking(jnp.asarray(a / k * wave), jnp.asarray(0.1))) for a in (0.4, 0.8, 9)
+    )
+    assert not gentle.any()
+    assert 20.0 < steep.max() < 10.0 * (2.0**2 - 1.0) + 1e-3
+    np.testing.assert_allclose(wild.max(), 100.0)
+
+
 def test_splat_keeps_amount_and_place() -> None:
     rng = np.random.default_rng(4)
     u, v, amount = rng.uniform(3, 20, 50), rng.uniform(3, 14, 50), rng.uniform(0, 2, 50)
@@ -133,20 +153,38 @@ def test_splat_keeps_amount_and_place() -> None:
     assert not np.asarray(off).any()
 
 
+def layers(upper: Any, lower: Any, wave: Any) -> Any:
+    return water.pushed(jnp.stack([upper, lower]), wave)
+
+
 def test_sources_conserve_volume() -> None:
     """Bodies that move leave the volume as it is; one that comes in raises it by what it displaces."""
     shape, cell, depth = (40, 48), 0.1, 0.9
     u, v = jnp.array([12.3, 30.2]), jnp.array([20.0, 11.7])
     amount = jnp.array([0.03, 0.02])  # m3
-    share = amount / (cell * cell * depth)
-    now, then = (water.splat(shape, u + way, v, share) for way in (0.0, 0.4))
-    none = jnp.zeros(shape)
     wave = made(shape, cell, 1 / 60, depth, np.array([0.3, 0.0]))
+    at = [water.splat(shape, u + way, v, amount / (cell * cell * depth)) for way in (0.0, 0.4)]
+    now, then = (layers(share, share, wave) for share in at)
+    none = jnp.zeros(shape)
     moved, _ = water.propagate(none, none, now, then, wave)
-    entered, _ = water.propagate(none, none, none, now, wave)
+    entered, _ = water.propagate(none, none, nothing(none), now, wave)
     assert abs(float(moved.sum())) * cell * cell < 1e-7
     np.testing.assert_allclose(float(entered.sum()) * cell * cell, 0.05, rtol=1e-4)
     assert float(moved[:, 14:20].max()) > 0 > float(moved[:, 8:12].min()), "high ahead, low behind"
+
+
+@pytest.mark.parametrize("depth", [0.3, 0.9, 40.0])
+def test_sources_lift_the_surface_as_their_depth_allows(depth: float) -> None:
+    """Against the integral over the layers of cosh(k (z + h)) / cosh(k h), by quadrature."""
+    wave, cell, upper = made((16, 32), 0.2, 1 / 60, depth), 0.2, 0.25 * depth
+    for column in (1, 4, 15):
+        k = 2 * np.pi * column / (32 * cell)
+        down = np.linspace(-depth, 0.0, 200_001)
+        share = np.exp(k * down) * (1 + np.exp(-2 * k * (down + depth))) / (1 + np.exp(-2 * k * depth))
+        pieces = [np.trapezoid(share[part], down[part]) for part in (down >= -upper, down <= -upper)]
+        np.testing.assert_allclose(wave.reach[:, 0, column], pieces, rtol=2e-3, atol=1e-6)
+        np.testing.assert_allclose(wave.reach[:, 0, column].sum(), np.tanh(k * depth) / k, rtol=1e-5)
+    np.testing.assert_allclose(wave.reach[:, 0, 0], [upper, depth - upper], rtol=1e-5)
 
 
 def wake(speed: float, row: float = 64.0, sign: float = 1.0) -> np.ndarray:
@@ -161,12 +199,13 @@ def wake(speed: float, row: float = 64.0, sign: float = 1.0) -> np.ndarray:
         column = jnp.where(sign > 0, column, 383.0 - column)
         spread = jnp.arange(-1.0, 2.0)
         u, v = (column + spread[:, None] + 0 * spread).reshape(-1), (row + spread + 0 * spread[:, None]).reshape(-1)
-        now = water.splat(shape, u, v, jnp.full(9, 0.1))
+        body = water.splat(shape, u, v, jnp.full(9, 0.1))
+        now = layers(body, body, wave)
         height, motion = water.propagate(height, motion, jnp.where(frame > 0, before, now), now, wave)
         return (*water.damped(height, motion, calm, jnp.zeros(shape), dt), now), None
 
     none = jnp.zeros(shape)
-    return np.asarray(jax.jit(lambda: jax.lax.scan(one, (none, none, none), jnp.arange(steps)))()[0][0])
+    return np.asarray(jax.jit(lambda: jax.lax.scan(one, (none, none, nothing(none)), jnp.arange(steps)))()[0][0])
 
 
 def test_a_moving_body_makes_kelvins_wake() -> None:
@@ -210,10 +249,12 @@ def test_sample_is_bilinear() -> None:
 def whole_step(height: Any, motion: Any, u: Any, v: Any, amount: Any, depth: Any, current: Any) -> Any:
     """All that happens in a frame, as a function of all that may be swept or tuned."""
     shape = (12, 14)
-    wave = water.waves(shape, jnp.asarray(0.2), 0.05, depth, current)
-    before, now = water.splat(shape, u - 0.3, v, amount), water.splat(shape, u, v, amount)
+    wave = water.waves(shape, jnp.asarray(0.2), 0.05, depth, 0.3 * depth, current)
+    was, body = water.splat(shape, u - 0.3, v, amount), water.splat(shape, u, v, amount)
+    before, now = layers(was, 0.5 * was, wave), layers(body, 0.5 * body, wave)
     height, motion = water.propagate(height, motion, before, now, wave)
-    height, motion = water.damped(height, motion, water.border(shape, 3.0, 5.0), 20.0 * now, 0.05)
+    lost = 20.0 * body + water.breaking(height, jnp.asarray(0.2))
+    height, motion = water.damped(height, motion, water.border(shape, 3.0, 5.0), lost, 0.05)
     felt = water.sample(jnp.concatenate([height[None], water.surface_flow(motion, wave)]), u + 1.0, v - 1.0)
     return height, motion, felt
 
