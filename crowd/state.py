@@ -97,7 +97,7 @@ class Water:
     """A water surface that the crowd moves, [rows, columns]: the last of a run's states."""
 
     height: Array  # m, above the still surface
-    motion: Array  # m, of the waves' kinetic energy (kernels.water)
+    motion: Array  # [2, rows, columns] m, (x, z), of the waves' kinetic energy (kernels.water)
     pushed: Array  # [2, rows, columns // 2 + 1] m, spectrum (real, imaginary) of what bodies pushed up so far
     frame: Array  # [1] int32, frames lived
 

@@ -55,7 +55,7 @@ def still_water(scene: Scene) -> tuple[Water, ...]:
         return ()
     rows, columns = len(grid.z), len(grid.x)
     level, spectrum = np.zeros((rows, columns), F32), np.zeros((2, rows, columns // 2 + 1), F32)
-    return (Water(level, level.copy(), spectrum, np.zeros(1, np.int32)),)  # pyright: ignore[reportArgumentType]
+    return (Water(level, np.zeros((2, rows, columns), F32), spectrum, np.zeros(1, np.int32)),)  # pyright: ignore[reportArgumentType]
 
 
 def _calm(grid: WaterGrid) -> np.ndarray:

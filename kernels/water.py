@@ -1,10 +1,11 @@
 """Linear waves on a height field, with exact dispersion, driven and hindered by bodies (Tessendorf 2004, 2014).
 
-A wave of wave number k (rad/m) turns at omega = sqrt(g k tanh(k h)) over water of depth h. The state is the height
-eta and, in place of the potential phi at the surface, the `motion` psi = (omega / g) phi of every wave, m: the two then
-turn into each other, d eta/dt = omega psi and d psi/dt = -omega eta, for any time step exactly. The energy is
-rho g / 2 (eta^2 + psi^2) summed over the surface, potential and kinetic, so whatever shrinks either at some place
-takes energy away. Fields are [..., rows along z, columns along x], periodic; spectra as `jnp.fft.rfft2` lays them out.
+A wave of wave number k (rad/m) turns at omega = sqrt(g k tanh(k h)) over water of depth h. With psi = (omega / g) phi in
+place of the potential phi at the surface, d eta/dt = omega psi and d psi/dt = -omega eta: height and psi, both in m, turn
+into each other, for any time step exactly. The state is the height and, for psi, the horizontal vector field `motion`
+with the spectrum i k/|k| psi: in shallow water it is the velocity times sqrt(h / g), in deep water its longer waves.
+The energy is rho g / 2 (height^2 + |motion|^2) summed over the surface, so whatever makes either smaller somewhere takes
+energy away. Fields are [..., rows along z, columns along x], periodic; spectra as `jnp.fft.rfft2` lays them out.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ class Waves(NamedTuple):
     sin: Float[Array, "r h"]
     drift: Complex[Array, "r h"]  # the way that the water itself goes in the step
     reach: Float[Array, "2 r h"]  # m: how much of the upper and the lower layer's depth moves the surface
-    flow: Float[Array, "2 r h"]  # 1/s, (x, z) velocity at the surface per motion, a quarter turn ahead
+    toward: Float[Array, "2 r h"]  # k/|k|, (x, z)
+    flow: Float[Array, "r h"]  # 1/s, velocity at the surface per motion
 
 
 def waves(
@@ -53,16 +55,18 @@ def waves(
     k = jnp.sqrt(jnp.where(moving, square, 1.0))
     steep = jnp.tanh(k * depth)
     omega = jnp.where(moving, jnp.sqrt(gravity * k * steep), 0.0)
-    speed = jnp.where(moving, gravity / jnp.where(moving, omega, 1.0), 0.0)
-    # A wave of two cells has no sign, hence no slope.
-    sloping_x, sloping_z = jnp.abs(cycles_x) < 0.5, jnp.abs(cycles_z) < 0.5
+    # A wave of two cells has no sign, hence no direction.
+    way_x, way_z = jnp.where(jnp.abs(cycles_x) < 0.5, kx, 0.0), jnp.where(jnp.abs(cycles_z) < 0.5, kz, 0.0)
+    length = way_x * way_x + way_z * way_z
+    length = jnp.sqrt(jnp.where(length > 0, length, 1.0))
     turned = dt * (kx * current[0] + kz * current[1])
     return Waves(
         cos=jnp.cos(omega * dt),
         sin=jnp.sin(omega * dt),
         drift=jnp.cos(turned) - 1j * jnp.sin(turned),
         reach=jnp.where(moving, _reach(k, depth, upper) / k, jnp.stack([upper, depth - upper])[:, None, None]),
-        flow=jnp.stack([jnp.where(sloping_x, kx * speed, 0.0), jnp.where(sloping_z, kz * speed, 0.0)]),
+        toward=jnp.stack([way_x / length + 0.0 * kz, way_z / length + 0.0 * kx]),
+        flow=jnp.where(moving, gravity * k / jnp.where(moving, omega, 1.0), 0.0),
     )
 
 
@@ -85,34 +89,39 @@ def pushed(bodies: Float[Array, "*b 2 r c"], waves: Waves) -> Complex[Array, "*b
 
 def propagate(
     height: Float[Array, "*b r c"],
-    motion: Float[Array, "*b r c"],
+    motion: Float[Array, "*b 2 r c"],
     before: Complex[Array, "*b r h"],
     now: Complex[Array, "*b r h"],
     waves: Waves,
-) -> tuple[Float[Array, "*b r c"], Float[Array, "*b r c"]]:
+) -> tuple[Float[Array, "*b r c"], Float[Array, "*b 2 r c"]]:
     """Height and motion, m, one step later, while bodies move.
 
     before, now: spectra of what they have `pushed`: they push away what they move into and leave room behind.
     """
     shape = height.shape[-2:]
-    eta, psi = jnp.fft.rfft2(height), jnp.fft.rfft2(motion)
+    eta, psi = jnp.fft.rfft2(height), _scalar(motion, waves)
     risen = waves.drift * (waves.cos * eta + waves.sin * psi - before) + now
     swung = waves.drift * (waves.cos * psi - waves.sin * eta)
-    return jnp.fft.irfft2(risen, shape), jnp.fft.irfft2(swung, shape)
+    return jnp.fft.irfft2(risen, shape), jnp.fft.irfft2(1j * waves.toward * swung[..., None, :, :], shape)
+
+
+def _scalar(motion: Float[Array, "*b 2 r c"], waves: Waves) -> Complex[Array, "*b r h"]:
+    """Spectrum of psi; eddies, which losses at some places leave in the motion, make no waves."""
+    return -1j * (waves.toward * jnp.fft.rfft2(motion)).sum(-3)
 
 
 def damped(
     height: Float[Array, "*b r c"],
-    motion: Float[Array, "*b r c"],
+    motion: Float[Array, "*b 2 r c"],
     calm: Float[Array, "*#b r c"],
     blocked: Float[Array, "*#b r c"],
     dt: float,
-) -> tuple[Float[Array, "*b r c"], Float[Array, "*b r c"]]:
+) -> tuple[Float[Array, "*b r c"], Float[Array, "*b 2 r c"]]:
     """Height and motion, m, after dt s of losses at rates in 1/s: all of a wave where `calm` (border and shore), and
     only its motion where `blocked`: water that cannot flow reflects waves as a wall does, and no volume is lost.
     """
     kept = jnp.exp(-calm * dt)
-    return height * kept, motion * (kept * jnp.exp(-blocked * dt))
+    return height * kept, motion * (kept * jnp.exp(-blocked * dt))[..., None, :, :]
 
 
 def breaking(height: Float[Array, "*b r c"], cell: Float[Array, ""]) -> Float[Array, "*b r c"]:
@@ -125,10 +134,10 @@ def breaking(height: Float[Array, "*b r c"], cell: Float[Array, ""]) -> Float[Ar
     return BREAKING * jnp.clip(excess, 0.0, 10.0)
 
 
-def surface_flow(motion: Float[Array, "*b r c"], waves: Waves) -> Float[Array, "*b 2 r c"]:
+def surface_flow(motion: Float[Array, "*b 2 r c"], waves: Waves) -> Float[Array, "*b 2 r c"]:
     """Horizontal velocity (x, z) of the water at the surface, m/s, in the frame of the current: the gradient of phi."""
-    spectrum = jnp.fft.rfft2(motion)[..., None, :, :]
-    return jnp.fft.irfft2(1j * waves.flow * spectrum, motion.shape[-2:])
+    spectrum = (waves.flow * _scalar(motion, waves))[..., None, :, :]
+    return jnp.fft.irfft2(1j * waves.toward * spectrum, motion.shape[-2:])
 
 
 def splat(
@@ -182,10 +191,10 @@ def border(shape: tuple[int, int], width: float, rate: float) -> Float[Array, "r
 
 def energy(
     height: Float[Array, "*b r c"],
-    motion: Float[Array, "*b r c"],
+    motion: Float[Array, "*b 2 r c"],
     cell: float,
     density: float = 1000.0,
     gravity: float = GRAVITY,
 ) -> Float[Array, "*b"]:
     """J, of the waves on the whole grid: density in kg/m3, cells of `cell` m."""
-    return 0.5 * density * gravity * cell * cell * (height * height + motion * motion).sum((-2, -1))
+    return 0.5 * density * gravity * cell * cell * (height * height + (motion * motion).sum(-3)).sum((-2, -1))
