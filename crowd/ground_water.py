@@ -1,4 +1,4 @@
-"""The grid of a moving water surface on the host: where it lies, how deep the water is, where waves die on the shore."""
+"""The grid of a moving water surface on the host: where it lies, how deep the water is, where waves die ashore."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def water_grid(world: Any, terrain: Ground, where: str) -> WaterGrid | None:
         return None
     region = world.fluids[water.region]
     area = water.area_m or region.area_m
-    x, z = (_middles(*getattr(area, axis), water.cell_m) for axis in "xz")
+    x, z = (_middles(low, high, water.cell_m) for low, high in (area.x, area.z))
     deep = region.surface_m - height(terrain, x[None, :], z[:, None])
     wet = deep > 0.0
     if not wet.any():

@@ -25,7 +25,7 @@ class WaterRecorder:
         self._group = root.create_group(GROUP, overwrite=True)
         self._group.attrs.update({"surface": float(first.surface), "frames": 0})
         for name, (dims, unit, text) in ABOUT.items():
-            about = {"units": unit, "description": text}
+            about: dict[str, Any] = {"units": unit, "description": text}
             self._group.create_array(name, data=getattr(first, name), dimension_names=dims, attributes=about)
         self._time = self._group.create_array(
             "time", shape=(0,), chunks=(4096,), dtype=np.float64, fill_value=np.nan, dimension_names=("time",),

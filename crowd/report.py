@@ -30,8 +30,8 @@ def write_report(run: Any, scene: SceneLike | None, out: str | Path, pictures: A
     run: a `crowd.simulate.Result` or a `crowd.recorded.Recording`. scene: None for the run's own. pictures: the
     scenario's `pictures` (moments, size, herd to follow); default the scene's; without poses or with `pictures: null`
     there is no strip, and when nobody enters a fluid there are no plots of it; `gait` is there for semi-procedural
-    herds, `water` for a surface that the crowd moves, and `debug` when `pictures.debug` asks for it. A run without a recorded frame gets no report: an empty
-    dictionary.
+    herds, `water` for a moving surface, and `debug` when `pictures.debug` asks for it. A run without a
+    recorded frame gets no report: an empty dictionary.
     """
     scene = run.scene if scene is None else scene
     assert scene is not None

@@ -32,8 +32,7 @@ def water(run: Any, scene: SceneLike, path: Path) -> Path | None:
     made, axes = figure(13.0, 6.2, 1, 2)
     left, right = axes[0]
     cell = float(surface.x[1] - surface.x[0])
-    low, high = (np.array([line[0], line[-1]]) + [-cell / 2, cell / 2] for line in (surface.x, surface.z))
-    edges = (low[0], low[1], high[0], high[1])
+    edges = tuple(float(edge) for line in (surface.x, surface.z) for edge in (line[0] - cell / 2, line[-1] + cell / 2))
     most = max(float(np.quantile(np.abs(height), 0.999)), 1e-4)
     drawn = left.imshow(height * 100, cmap="RdBu_r", vmin=-most * 100, vmax=most * 100, extent=edges, origin="lower")
     made.colorbar(drawn, ax=left, shrink=0.8, pad=0.02).set_label("height in cm", color=INK, fontsize=10)

@@ -53,7 +53,7 @@ def water_problems(water: Water, regions: Mapping[int, Any], count: int) -> Iter
         if low < outer[0] or high > outer[1]:
             yield (
                 (*PATH, "area_m", axis),
-                f"[{low:g}, {high:g}]: no fluid there (world.fluids[{water.region}] is at [{outer[0]:g}, {outer[1]:g}])",
+                f"[{low:g}, {high:g}]: no fluid there (world.fluids[{water.region}]: [{outer[0]:g}, {outer[1]:g}])",
             )
     for index, other in regions.items():
         if index != water.region and other.priority >= region.priority and _meet(area, other.area_m):

@@ -100,8 +100,8 @@ def rollout(
 ) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
     """Up to `chunk` recorded frames (of `record_every` steps each), and no step beyond the `frames` still to go.
 
-    Returns the states and, stacked over recorded frames, what `unpacked` reads, and the height of a water surface. The program is the same for every
-    chunk of a run: the number of steps is an argument.
+    Returns the states and, stacked over recorded frames, what `unpacked` reads, and a water surface's height. The
+    program is the same for every chunk of a run: the number of steps is an argument.
     """
     herds = len(layout.herds)
     waves = None if layout.water is None else water_surface.prepared(layout, assets, params)
@@ -165,7 +165,8 @@ def stream(
 ) -> Iterator[Chunk]:
     """Step the scene and yield recorded chunks; `frames` (default: the scenario's) are stepped in all.
 
-    devices: as many as the machine shows JAX when left out, one with a water surface. program: reuse or change what `build` gives.
+    devices: as many as the machine shows JAX when left out, one where there is a water surface.
+    program: reuse or change what `build` gives.
     on_state: called with the states after each chunk, on the device (resuming, checks).
     """
     count = _devices(1 if devices is None and scene.water is not None else devices)
@@ -191,19 +192,19 @@ def stream(
         herds = {
             herd.name: unpacked(herd, layout, which, shown[which], recorded) for which, herd in enumerate(scene.herds)
         }
-        water = water_frames(scene, shown[-1][:recorded], time, done // every)
+        water = _water(scene, shown, time, done // every)
         yield Chunk(done, stepped, time, herds, water)
         done += stepped
 
 
-def water_frames(scene: Scene, height: np.ndarray, time: np.ndarray, first: int) -> WaterFrames | None:
-    """Of recorded heights [t, rows, columns] the ones to keep, `first` being the first one's number in the run."""
+def _water(scene: Scene, shown: Any, time: np.ndarray, first: int) -> WaterFrames | None:
+    """Of the recorded heights, the last of `shown`, those to keep; `first`: number in the run of the first one."""
     grid = scene.water
     if grid is None:
         return None
     every = -(-scene.scenario.record.rate_hz // WATER_HZ)
     kept = np.arange(len(time))[(first + np.arange(len(time))) % every == 0]
-    return WaterFrames(time[kept], height[kept], grid.x, grid.z, grid.surface)
+    return WaterFrames(time[kept], np.asarray(shown[-1])[kept], grid.x, grid.z, grid.surface)
 
 
 def _advanced(run: Callable[..., Any], left: int, share: tuple[Assets, Params, tuple[Any, ...]]) -> Any:

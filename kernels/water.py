@@ -1,11 +1,11 @@
 """Linear waves on a height field, with exact dispersion, driven and hindered by bodies (Tessendorf 2004, 2014).
 
-A wave of wave number k (rad/m) turns at omega = sqrt(g k tanh(k h)) over water of depth h. With psi = (omega / g) phi in
-place of the potential phi at the surface, d eta/dt = omega psi and d psi/dt = -omega eta: height and psi, both in m, turn
-into each other, for any time step exactly. The state is the height and, for psi, the horizontal vector field `motion`
-with the spectrum i k/|k| psi: in shallow water it is the velocity times sqrt(h / g), in deep water its longer waves.
-The energy is rho g / 2 (height^2 + |motion|^2) summed over the surface, so whatever makes either smaller somewhere takes
-energy away. Fields are [..., rows along z, columns along x], periodic; spectra as `jnp.fft.rfft2` lays them out.
+A wave of wave number k (rad/m) turns at omega = sqrt(g k tanh(k h)) over water of depth h. With psi = (omega / g) phi
+in place of the potential phi at the surface, d eta/dt = omega psi and d psi/dt = -omega eta: height and psi, both in m,
+turn into each other, for any time step exactly. The state is the height and, for psi, the horizontal vector field
+`motion` with the spectrum i k/|k| psi: in shallow water the velocity times sqrt(h / g), in deep water its longer waves.
+The energy is rho g / 2 (height^2 + |motion|^2) summed over the surface, so whatever makes either smaller somewhere
+takes energy away. Fields are [..., rows along z, columns along x], periodic; spectra as `jnp.fft.rfft2` lays them out.
 """
 
 from __future__ import annotations
@@ -80,9 +80,9 @@ def _reach(k: Float[Array, "r h"], depth: Float[Array, ""], upper: Float[Array, 
 def pushed(bodies: Float[Array, "*b 2 r c"], waves: Waves) -> Complex[Array, "*b r h"]:
     """Spectrum of the height, m, that water gains where bodies are put into it at once.
 
-    bodies: share of each cell's water that they take up in the upper and in the lower layer. Sources at depth z lift the
-    surface by cosh(k (z + h)) / cosh(k h) (Laplace's equation with phi = 0 above and no flow through the bottom): long
-    waves by the volume, short ones by what is near the surface.
+    bodies: share of each cell's water that they take up in the upper and in the lower layer. Sources at depth z lift
+    the surface by cosh(k (z + h)) / cosh(k h) (Laplace's equation with phi = 0 above, no flow through the bottom):
+    long waves by the volume, short ones by what is near the surface.
     """
     return (waves.reach * jnp.fft.rfft2(bodies)).sum(-3)
 

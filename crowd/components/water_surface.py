@@ -72,16 +72,16 @@ def moved(
 ) -> Water:
     """The surface one frame on, after all herds have stepped."""
     assert layout.water is not None and assets.water is not None and params.water is not None
-    shape, upper = layout.water.shape, _upper(params)
-    u, v, shares = wall(lambda *given: _columns(layout, assets, *given), params, states, frames)
-    bodies = wall(
-        lambda *given: jnp.stack([water.splat(shape, *given[:2], share) for share in given[2]]), u, v, shares
-    )  # fmt: skip
+    shape = layout.water.shape
+    u, v, shares = wall(lambda p, s, f: _columns(layout, assets, p, s, f), params, states, frames)
+    bodies = wall(lambda u, v, shares: jnp.stack([water.splat(shape, u, v, share) for share in shares]), u, v, shares)
     now = wall(water.pushed, params.water.strength * bodies, waves)
     before = jnp.where(state.frame > 0, state.pushed[0] + 1j * state.pushed[1], now)
     height, motion = wall(water.propagate, state.height, state.motion, before, now, waves)
     blocked = BLOCKING * jnp.minimum(bodies[0], 1.0) + wall(water.breaking, height, assets.water.cell)
-    height, motion = wall(lambda *given: water.damped(*given, layout.dt), height, motion, assets.water.calm, blocked)
+    height, motion = wall(
+        lambda h, m, calm, lost: water.damped(h, m, calm, lost, layout.dt), height, motion, assets.water.calm, blocked
+    )
     return Water(height, motion, jnp.stack([now.real, now.imag]), state.frame + 1)
 
 
@@ -103,7 +103,7 @@ def _upper(params: Params) -> Array:
 def _columns(
     layout: Layout, assets: Assets, params: Params, states: tuple[State, ...], frames: tuple[Frame, ...]
 ) -> tuple[Array, Array, Array]:
-    """Of all herds' columns [k], one after the other: place in cells, and share [2, k] of a cell's water in each layer."""
+    """Of all herds' columns [k], one after the other: place in cells, share [2, k] of a cell's water in each layer."""
     assert layout.water is not None and assets.water is not None and params.water is not None
     upper, level = _upper(params), params.water.surface
     parts = []
@@ -124,7 +124,7 @@ def _columns(
 
 
 def _legs(body: WaterBody, character: Character, state: State, frame: Frame, level: Array) -> Columns:
-    """Each leg from its ankle to its hip, or to the trunk's underside; it stands where the middle of its wet part is."""
+    """Each leg from its ankle to its hip or the trunk's underside; it stands where the middle of its wet part is."""
     scale = character.scale[:, None]
     x, z = _turned(body.hips[0] * scale, body.hips[2] * scale, state.yaw[:, None])
     hip = jnp.stack([x, body.hips[1] * scale, z], 1) + frame.pose_position[:, :, None]
@@ -141,8 +141,8 @@ def _trunk(body: WaterBody, character: Character, state: State, frame: Frame) ->
     scale = character.scale[:, None]
     x, z = _turned(body.trunk[0] * scale, body.trunk[1] * scale, state.yaw[:, None])
     place = jnp.stack([x, z], 1) + frame.pose_position[:, ::2, None]
-    ends = (frame.pose_position[:, 1:2] + end * scale + 0.0 * x for end in (body.bottom, body.top))
-    return Columns(place, *ends, body.trunk_area / 3.0 * scale * scale)
+    bottom, top = (frame.pose_position[:, 1:2] + end * scale + 0.0 * x for end in (body.bottom, body.top))
+    return Columns(place, bottom, top, body.trunk_area / 3.0 * scale * scale)
 
 
 def _turned(x: Array, z: Array, yaw: Array) -> tuple[Array, Array]:
