@@ -88,6 +88,29 @@ class World:
 
 
 @pytree
+class WaterBody:
+    """An archetype as the water surface sees it at scale 1, character frame: a column per leg, three of the trunk."""
+
+    hips: Array  # [3, L, 1] m
+    leg_area: Array  # [] m2, mean cross-section of a leg
+    trunk: Array  # [2, 3, 1] m, (x, z) of the thirds of the trunk
+    trunk_area: Array  # [] m2, mean cross-section of the whole trunk
+    bottom: Array  # [] m, height of the trunk's underside
+    top: Array  # [] m
+
+
+@pytree
+class WaterAssets:
+    """The grid of a water surface."""
+
+    calm: Array  # [rows, columns] 1/s, loss of waves in the border and on the shore
+    origin: Array  # [2] m, (x, z) of the middle of the first cell
+    cell: Array  # [] m
+    bodies: tuple[WaterBody, ...]  # per herd
+
+
+@pytree
 class Assets:
     herds: tuple[HerdAssets, ...]
     world: World
+    water: WaterAssets | None = None

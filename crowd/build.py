@@ -22,8 +22,9 @@ from crowd.scenario_herd import Event
 from crowd.scene import HerdScene, Scene
 from crowd.state import Footsteps, State, Strides
 from crowd.stride_assets import stride_control
+from crowd.water_assets import still_water, water_assets, water_layout, water_params
 
-Program = tuple[Layout, Assets, Params, tuple[State, ...]]
+Program = tuple[Layout, Assets, Params, tuple[Any, ...]]  # a `State` per herd, then the `Water` where there is one
 
 AT_ONCE = 1e6  # m/s2, where one of two limits is left out
 # Gains that behaved for a person of 70 kg and 1.70 m; others are scaled with mass and size (Froude similarity).
@@ -47,7 +48,7 @@ KEYS = dict(
 def build(scene: Scene, devices: int = 1, walls: bool = True, tile: int = TILE) -> Program:
     """The program of a scene. Characters are padded to whole tiles, tiles to a multiple of `devices`."""
     layout = _layout(scene, walls)
-    assets = Assets(tuple(herd_assets(herd) for herd in scene.herds), ground_world(scene.terrain))
+    assets = Assets(tuple(herd_assets(herd) for herd in scene.herds), ground_world(scene.terrain), water_assets(scene))
     params = Params(
         fluids=fluids(scene),
         control=_control(),
@@ -57,8 +58,9 @@ def build(scene: Scene, devices: int = 1, walls: bool = True, tile: int = TILE) 
         else (),
         characters=tuple(Character(**_tiled(_character(scene, herd), devices, tile)) for herd in scene.herds),
         styles=tuple(_styles(scene, herd) for herd in scene.herds),
+        water=water_params(scene),
     )
-    states = tuple(_state(scene, herd, layout, devices, tile) for herd in scene.herds)
+    states = (*(_state(scene, herd, layout, devices, tile) for herd in scene.herds), *still_water(scene))
     assets, params, states = jax.device_put((assets, params, states))
     return layout, assets, params, states
 
@@ -113,6 +115,7 @@ def _layout(scene: Scene, walls: bool) -> Layout:
         record_every=scenario.rate_hz // scenario.record.rate_hz,
         walls=walls,
         fluid=fluid_layout(scene),
+        water=water_layout(scene),
     )
 
 

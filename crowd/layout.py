@@ -122,6 +122,15 @@ class FluidLayout:
 
 
 @dataclass(frozen=True)
+class WaterLayout:
+    """A water surface that the crowd moves."""
+
+    shape: tuple[int, int]  # rows and columns
+    feedback: bool  # characters feel it
+    counts: tuple[int, ...]  # characters of each herd: padding makes no waves
+
+
+@dataclass(frozen=True)
 class Layout:
     """The whole program."""
 
@@ -143,3 +152,4 @@ class Layout:
     record_every: int  # frames
     walls: bool  # False where kernels are better large (GPU)
     fluid: FluidLayout = FluidLayout()
+    water: WaterLayout | None = None  # None: surfaces stay level

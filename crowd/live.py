@@ -57,9 +57,10 @@ class HerdFrame(Mapping[str, np.ndarray]):
 class Stepper:
     """A scene stepped call by call on one device, by the same program as `simulate`: nothing is compiled twice."""
 
-    def __init__(self, scene: Scene, state: Sequence[State] | None = None):
+    def __init__(self, scene: Scene, state: Sequence[Any] | None = None):
         layout, assets, params, self._first = build(scene)
         self.scene = scene
+        self._names = [*(herd.name for herd in scene.herds), *(["world.water"] if scene.water is not None else [])]
         # every step of a call belongs to one recorded frame: the last one is shown
         self._layout = dataclasses.replace(layout, record_every=MOST_FRAMES)
         self._device = jax.devices()[0]
@@ -67,7 +68,7 @@ class Stepper:
         self._run = compiled(self._layout, 1)
         self.reset(state)
 
-    def reset(self, state: Sequence[State] | None = None) -> None:
+    def reset(self, state: Sequence[Any] | None = None) -> None:
         """Back to the scene's start, or to a state that `state` or a `Result` gave. Commands from outside are gone."""
         states = self._first if state is None else self._checked(state)
         # copies: the program overwrites its states
@@ -75,9 +76,14 @@ class Stepper:
         self._faced = [np.zeros(herd.count, bool) for herd in self.scene.herds]
 
     @property
-    def state(self) -> tuple[State, ...]:
+    def state(self) -> tuple[Any, ...]:
         """Everything needed to go on from here, on the host: for `reset` or `crowd.stepper(scene, state)`."""
         return jax.tree.map(lambda leaf: np.array(leaf), self._states)
+
+    @property
+    def water(self) -> np.ndarray | None:
+        """Height [rows, columns] m of the water surface that the crowd moves (`scene.water` is its grid)."""
+        return None if self.scene.water is None else np.array(self._states[-1].height)
 
     @property
     def frame(self) -> int:
@@ -92,7 +98,7 @@ class Stepper:
     @property
     def position(self) -> dict[str, np.ndarray]:
         """Places [n, 3] m of every herd, world."""
-        pairs = zip(self.scene.herds, self._states, strict=True)
+        pairs = zip(self.scene.herds, self._states, strict=False)
         return {herd.name: _untiled(np.array(state.position), herd.count).T for herd, state in pairs}
 
     def step(
@@ -163,20 +169,20 @@ class Stepper:
         tiles = {name: tiled(values, 1, TILE) for name, values in now.items()}
         return dataclasses.replace(state, **jax.device_put(tiles, self._device))
 
-    def _checked(self, state: Sequence[State]) -> tuple[State, ...]:
+    def _checked(self, state: Sequence[Any]) -> tuple[Any, ...]:
         """A state of this scene; tiles that were added for several devices are left out."""
         if len(state) != len(self._first):
-            raise fail("state", f"of {len(state)} herds; the scene has {len(self._first)}")
+            raise fail("state", f"of {len(state)} parts; the scene has {len(self._first)}: {', '.join(self._names)}")
 
         def fitting(name: str, mine: Any, given: Any) -> np.ndarray:
             given = np.asarray(given)[: mine.shape[0]]
             if given.shape != mine.shape:
-                raise fail("state", f"herd '{name}' is of another scene: shape {given.shape} instead of {mine.shape}")
+                raise fail("state", f"'{name}' is of another scene: shape {given.shape} instead of {mine.shape}")
             return given
 
         return tuple(
-            jax.tree.map(lambda mine, given, name=herd.name: fitting(name, mine, given), own, new)
-            for herd, own, new in zip(self.scene.herds, self._first, state, strict=True)
+            jax.tree.map(lambda mine, given, name=name: fitting(name, mine, given), own, new)
+            for name, own, new in zip(self._names, self._first, state, strict=True)
         )
 
 
@@ -186,6 +192,6 @@ def _untiled(values: np.ndarray, count: int) -> np.ndarray:
     return moved.reshape(*moved.shape[:-2], -1)[..., :count]
 
 
-def stepper(scene: Scene, state: Sequence[State] | None = None) -> Stepper:
+def stepper(scene: Scene, state: Sequence[Any] | None = None) -> Stepper:
     """A crowd to step call by call, from the scene's start or from an earlier state."""
     return Stepper(scene, state)

@@ -163,6 +163,16 @@ class StyleEvents:
 
 
 @pytree
+class WaterParams:
+    """A water surface that the crowd moves."""
+
+    surface: Array  # [] m, world, when still
+    depth: Array  # [] m
+    strength: Array  # [] factor on what bodies displace
+    current: Array  # [2] m/s (x, z)
+
+
+@pytree
 class Params:
     fluids: Fluids
     control: Control
@@ -170,3 +180,4 @@ class Params:
     strides: tuple[StrideControl, ...]  # per herd; empty for the other gaits
     characters: tuple[Character, ...]  # per herd, [tiles, ..., 128]
     styles: tuple[StyleEvents, ...]  # per herd
+    water: WaterParams | None = None

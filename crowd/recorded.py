@@ -13,7 +13,8 @@ import zarr
 from crowd.errors import fail
 from crowd.recorded_scene import RecordedHerd, RecordedMotion, RecordedScene, grid_heights
 from crowd.recording_layout import FORMAT, GROUND, HERD, ROOT
-from crowd.types import Archetype, Leg, Mesh, Skeleton
+from crowd.recording_water import recorded_water
+from crowd.types import Archetype, Leg, Mesh, Skeleton, WaterFrames
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,7 @@ class Recording:
     herds: dict[str, StoredHerd]
     scene: RecordedScene
     attributes: dict[str, Any]
+    water: WaterFrames | None = None  # of a surface that the crowd moves
 
 
 def open_recording(path: str | Path) -> Recording:
@@ -114,7 +116,7 @@ def open_recording(path: str | Path) -> Recording:
         first += count
     time = np.asarray(_array(root, "time")[:frames]) if "time" in root else np.zeros(0)
     scene = RecordedScene(tuple(described), _heights(root), list(attributes.get("levels") or []))  # type: ignore[arg-type]
-    return Recording(path, time, herds, scene, attributes)
+    return Recording(path, time, herds, scene, attributes, recorded_water(root))
 
 
 def _array(group: zarr.Group, name: str) -> zarr.Array:

@@ -22,6 +22,7 @@ from zarr.codecs import BloscCodec
 from crowd.errors import fail
 from crowd.recorded_scene import HerdLike, SceneLike, levels_of, motions_of
 from crowd.recording_layout import FORMAT, GROUND, HERD, LABELS, ROOT, SIZES, STATIC_MEANINGS, STATIC_UNITS, Column
+from crowd.recording_water import WaterRecorder
 from crowd.scenario_herd import TAKEN_NAMES
 
 CHUNK_BYTES = 2 << 20  # of one array, uncompressed: a good size for reading a few characters or a few moments
@@ -57,6 +58,7 @@ class Recorder:
         self.scene = scene
         self.pose = _wants_pose(scene) if pose is None else pose
         self.frames = 0
+        self._water: WaterRecorder | None = None
         self._arrays: list[tuple[zarr.Array, str, str | None]] = []  # array, its name, its herd (None: the root)
         _refuse_names(scene)
         self._low, self._high = np.full(2, np.inf), np.full(2, -np.inf)
@@ -89,6 +91,10 @@ class Recorder:
             array[self.frames : end] = data[herd, name]
         self.frames = end
         self._root.attrs["frames"] = end
+        water = getattr(chunk, "water", None)
+        if water is not None:
+            self._water = self._water or WaterRecorder(self._root, water)
+            self._water.append(water)
         position = np.asarray(data[None, "position"])[..., [0, 2]].reshape(-1, 2)
         position = position[np.isfinite(position).all(1)]
         if len(position):

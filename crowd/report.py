@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd import report_gait, report_plots
+from crowd import report_gait, report_plots, report_water
 from crowd.recorded_scene import SceneLike
 from crowd.view.crowd_picture import crowd_pictures, has_poses
 from crowd.view.debug_picture import debug_herds, debug_pictures
@@ -30,8 +30,8 @@ def write_report(run: Any, scene: SceneLike | None, out: str | Path, pictures: A
     run: a `crowd.simulate.Result` or a `crowd.recorded.Recording`. scene: None for the run's own. pictures: the
     scenario's `pictures` (moments, size, herd to follow); default the scene's; without poses or with `pictures: null`
     there is no strip, and when nobody enters a fluid there are no plots of it; `gait` is there for semi-procedural
-    herds, and `debug` when `pictures.debug` asks for it. A run without a recorded frame gets no report: an empty
-    dictionary.
+    herds, `water` for a moving surface, and `debug` when `pictures.debug` asks for it. A run without a
+    recorded frame gets no report: an empty dictionary.
     """
     scene = run.scene if scene is None else scene
     assert scene is not None
@@ -44,6 +44,8 @@ def write_report(run: Any, scene: SceneLike | None, out: str | Path, pictures: A
     files = {name: plot(run, scene, out / f"{name}.png") for name, plot in plots.items()}
     if (gait := report_gait.gait(run, scene, out / "gait.png")) is not None:
         files["gait"] = gait
+    if (water := report_water.water(run, scene, out / "water.png")) is not None:
+        files["water"] = water
     wanted = pictures if pictures is not None else _wanted(run, scene)
     if wanted is not None and has_poses(run):
         files |= write_pictures(run, scene, out, wanted)

@@ -71,6 +71,10 @@ def use_devices(asked: int | None, scenario: Scenario) -> int:
     """
     import jax
 
+    if scenario.world.water is not None:
+        if asked is not None and asked > 1:
+            raise fail("--devices", f"{asked}; a scenario with world.water runs on one")
+        return 1
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     tiles = max(math.ceil(herd.count / TILE) for herd in scenario.herds)
     if asked is not None and asked > 1:

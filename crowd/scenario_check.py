@@ -31,6 +31,7 @@ from crowd.scenario_herd import (
 )
 from crowd.scenario_styles import style_checks
 from crowd.scenario_types import Model
+from crowd.scenario_water import Water, water_problems
 from crowd.scenario_world import FluidRegion, FluidTable, World
 from crowd.scenario_yaml import Document, KeyPath
 
@@ -60,7 +61,7 @@ def recording_bytes(count: int, joints: int, legs: int, frames: int, pose: bool 
 def cross_checks(document: Document, data: dict[str, Any], table: FluidTable | None, folder: Path) -> list[Problem]:
     """Problems between the parts of a scenario. data: in declared keys (see `validate`)."""
     parts = _parts(document, data)
-    checks = (_sizes, _names, _places, _variations, _events, _times)
+    checks = (_sizes, _names, _places, _variations, _water, _events, _times)
     problems = [Problem(document.where(path), text) for check in checks for path, text in check(parts, data)]
     problems += [Problem(document.where(path), text) for path, text in _files(parts, data, folder)]
     problems += [Problem(document.where(path), text) for path, text in style_checks(parts.herds, parts.events)]
@@ -172,6 +173,15 @@ def _variations(parts: _Parts, data: dict[str, Any]) -> Found:
                 yield path, f"mean {drawn.mean} is not between min {drawn.low:g} and max {drawn.high:g}"
             if isinstance(drawn, Uniform) and drawn.min > drawn.max:
                 yield path, f"min {drawn.min} is above max {drawn.max}"
+
+
+def _water(parts: _Parts, data: dict[str, Any]) -> Found:
+    world = data.get("world")
+    given = world.get("water") if isinstance(world, dict) else None
+    water = _valid(Water, given) if given is not None else None
+    if water is not None:
+        fluids = world.get("fluids") if isinstance(world, dict) else None
+        yield from water_problems(water, parts.regions, len(fluids) if isinstance(fluids, list) else 0)
 
 
 def _events(parts: _Parts, data: dict[str, Any]) -> Found:

@@ -10,6 +10,7 @@ from pydantic import Field
 from crowd.scenario_fluid import Density, Layer, River, Spectrum, Turbulence, Wave
 from crowd.scenario_ground import Area, Flat, Ground, Height
 from crowd.scenario_types import Flag, Model, Name, NotNegative, Number, Positive
+from crowd.scenario_water import Water
 
 
 class FluidRegion(Model):
@@ -52,6 +53,8 @@ class World(Model):
     fluids: tuple[FluidRegion, ...] = ()
     buoyancy: Flag = False
     """Record the share of its weight that each character's feet carry."""
+    water: Water | None = None
+    """Waves that characters make on the surface of a region; left out: surfaces stay level."""
 
 
 class Sigmoid(Model):

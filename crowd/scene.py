@@ -21,6 +21,7 @@ from crowd.analysis.motion_set import Entry, MotionSet, default_clips, motion_se
 from crowd.curves import Curve
 from crowd.errors import InputError, Problem, fail
 from crowd.ground import Ground
+from crowd.ground_water import WaterGrid, water_grid
 from crowd.scenario import Scenario
 from crowd.scenario_herd import Herd
 from crowd.scenario_styles import NORMAL
@@ -77,6 +78,7 @@ class Scene:
     scenario: Scenario
     terrain: Ground
     herds: tuple[HerdScene, ...]
+    water: WaterGrid | None = None  # of a surface that the crowd moves
 
     def ground(
         self, x: np.ndarray | float, z: np.ndarray | float, altitude: np.ndarray | float | None = None
@@ -122,6 +124,7 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Sequence[
     terrain = grounds.build_ground(
         world.ground, scenario.folder, scenario.seed, world.max_step_height_m, math.radians(world.max_slope_deg)
     )
+    water = water_grid(world, terrain, scenario.where("world", "water"))
     cache: dict[str, Archetype] = {}
     problems, herds = [], []
     for index, model in enumerate(scenario.herds):
@@ -135,7 +138,7 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Sequence[
             problems += error.problems
     if problems := problems or unmet(scenario, herds):
         raise InputError(dict.fromkeys(problems))
-    scene = Scene(scenario, terrain, tuple(herds))
+    scene = Scene(scenario, terrain, tuple(herds), water)
     if problems := _buried(scene):
         raise InputError(problems)
     return scene

@@ -1,6 +1,7 @@
 """Running a scene: the only jit, a scan over frames around a map over tiles, on one or several devices.
 
-Characters do not meet yet, so devices never wait for each other within a chunk.
+Characters do not meet yet, so devices never wait for each other within a chunk. Where they share a water surface, one
+device steps them all, and the surface after them: it is the last of the states.
 """
 
 from __future__ import annotations
@@ -21,16 +22,20 @@ from jax import Array
 
 from crowd.assets import Assets
 from crowd.build import Program, build
+from crowd.components import water_surface
 from crowd.errors import fail
 from crowd.layout import Layout
 from crowd.params import Params
 from crowd.scene import Scene
 from crowd.state import Frame, State, blank_frame
 from crowd.step import step
+from crowd.types import WaterFrames
 from crowd.unpack import shown_state, unpacked
 from kernels.wall import no_wall, through
+from kernels.water import Waves
 
 CHUNK = 32  # recorded frames that leave the device at once
+WATER_HZ = 10  # of a water surface no more frames than this are kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +46,7 @@ class Chunk:
     frames: int  # stepped in this chunk
     time: np.ndarray  # [t] s
     herds: dict[str, dict[str, np.ndarray]]
+    water: WaterFrames | None = None  # at WATER_HZ at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,23 +56,37 @@ class Result:
     scene: Scene
     time: np.ndarray  # [t] s
     herds: dict[str, dict[str, np.ndarray]]
-    state: tuple[State, ...]
+    state: tuple[Any, ...]  # a `State` per herd, then the `Water` where there is one
+    water: WaterFrames | None = None
 
 
-def one_frame(layout: Layout, assets: Assets, params: Params, states: tuple[State, ...], flag: Array) -> Any:
-    """All herds one frame on: a map over each herd's tiles. Returns (states, frames)."""
+def one_frame(
+    layout: Layout,
+    assets: Assets,
+    params: Params,
+    states: tuple[Any, ...],
+    flag: Array,
+    waves: Waves | None = None,
+) -> Any:
+    """All herds one frame on: a map over each herd's tiles, then their water surface. Returns (states, frames)."""
     wall = through(flag) if layout.walls else no_wall
+    felt = None if waves is None else water_surface.felt(layout, assets, params, states[-1], waves, wall)
 
     def herd(which: int) -> Any:
         def tile(pair: tuple[Any, State]) -> tuple[State, Frame]:
             character, state = pair
-            return step(layout, which, assets.herds[which], assets.world, params, character, state, wall)
+            return step(layout, which, assets.herds[which], assets.world, params, character, state, wall, felt)
 
         pairs = (params.characters[which], states[which])
         return jax.lax.map(tile, pairs) if layout.walls else jax.vmap(tile)(pairs)
 
     results = [herd(which) for which in range(len(layout.herds))]
-    return tuple(state for state, _ in results), tuple(frame for _, frame in results)
+    stepped, frames = tuple(state for state, _ in results), tuple(frame for _, frame in results)
+    if waves is None:
+        return stepped, frames
+    with jax.named_scope("water"):
+        surface = water_surface.moved(layout, assets, params, stepped, frames, states[-1], waves, wall)
+    return (*stepped, surface), frames
 
 
 def rollout(
@@ -74,27 +94,30 @@ def rollout(
     chunk: int,
     assets: Assets,
     params: Params,
-    states: tuple[State, ...],
+    states: tuple[Any, ...],
     frames: Array,
     flag: Array,
-) -> tuple[tuple[State, ...], tuple[tuple[dict[str, Array], Frame], ...]]:
+) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
     """Up to `chunk` recorded frames (of `record_every` steps each), and no step beyond the `frames` still to go.
 
-    Returns the states and, stacked over recorded frames, what `unpacked` reads. The program is the same for every
-    chunk of a run: the number of steps is an argument.
+    Returns the states and, stacked over recorded frames, what `unpacked` reads, and a water surface's height. The
+    program is the same for every chunk of a run: the number of steps is an argument.
     """
+    herds = len(layout.herds)
+    waves = None if layout.water is None else water_surface.prepared(layout, assets, params)
 
     def advance(_: Any, carry: Any) -> Any:
-        return one_frame(layout, assets, params, carry[0], flag)
+        return one_frame(layout, assets, params, carry[0], flag, waves)
 
     def recorded(carry: Any, _: Any) -> tuple[Any, Any]:
         states, shown, left = carry
         count = jnp.clip(left, 0, layout.record_every)
         states, shown = jax.lax.fori_loop(0, count, advance, (states, shown))
-        slim = tuple(shown_state(state) for state in states)
-        return (states, shown, left - count), tuple(zip(slim, shown, strict=True))
+        slim = tuple(shown_state(state) for state in states[:herds])
+        surface = tuple(water.height for water in states[herds:])
+        return (states, shown, left - count), (*zip(slim, shown, strict=True), *surface)
 
-    blank = tuple(blank_frame(layout, herd, state) for herd, state in zip(layout.herds, states, strict=True))
+    blank = tuple(blank_frame(layout, herd, state) for herd, state in zip(layout.herds, states[:herds], strict=True))
     (states, _, _), shown = jax.lax.scan(recorded, (states, blank, frames), None, length=chunk)
     return states, shown
 
@@ -105,14 +128,16 @@ def compiled(layout: Layout, chunk: int) -> Any:
     return jax.jit(functools.partial(rollout, layout, chunk), donate_argnums=(2,))
 
 
-def dealt(program: Program, devices: int) -> list[tuple[Assets, Params, tuple[State, ...]]]:
+def dealt(program: Program, devices: int) -> list[tuple[Assets, Params, tuple[Any, ...]]]:
     """Arrays for each device: its share of every herd's tiles, and copies of what all characters share.
 
     Every device runs the same program by itself. Sharding one program over them compiles differently, and a character's
     bits would then depend on the number of devices.
     """
-    _, assets, params, states = program
-    if any(state.phase.shape[0] % devices for state in states):
+    layout, assets, params, states = program
+    if layout.water is not None and devices > 1:
+        raise fail("devices", f"{devices}: a crowd with `world.water` runs on one; its characters meet in the water")
+    if any(state.phase.shape[0] % devices for state in states[: len(layout.herds)]):
         raise fail("devices", f"the program's tiles do not divide by {devices}; build it for as many devices")
 
     def share(tree: Any, device: int) -> Any:
@@ -136,14 +161,15 @@ def stream(
     devices: int | None = None,
     chunk: int = CHUNK,
     program: Program | None = None,
-    on_state: Callable[[tuple[State, ...]], None] | None = None,
+    on_state: Callable[[tuple[Any, ...]], None] | None = None,
 ) -> Iterator[Chunk]:
     """Step the scene and yield recorded chunks; `frames` (default: the scenario's) are stepped in all.
 
-    devices: as many as the machine shows JAX when left out. program: reuse or change what `build` gives.
+    devices: as many as the machine shows JAX when left out, one where there is a water surface.
+    program: reuse or change what `build` gives.
     on_state: called with the states after each chunk, on the device (resuming, checks).
     """
-    count = _devices(devices)
+    count = _devices(1 if devices is None and scene.water is not None else devices)
     total = scene.scenario.frame_count if frames is None else frames
     program = program or build(scene, count)
     layout, shares = program[0], dealt(program, count)
@@ -166,11 +192,22 @@ def stream(
         herds = {
             herd.name: unpacked(herd, layout, which, shown[which], recorded) for which, herd in enumerate(scene.herds)
         }
-        yield Chunk(done, stepped, time, herds)
+        water = _water(scene, shown, time, done // every)
+        yield Chunk(done, stepped, time, herds, water)
         done += stepped
 
 
-def _advanced(run: Callable[..., Any], left: int, share: tuple[Assets, Params, tuple[State, ...]]) -> Any:
+def _water(scene: Scene, shown: Any, time: np.ndarray, first: int) -> WaterFrames | None:
+    """Of the recorded heights, the last of `shown`, those to keep; `first`: number in the run of the first one."""
+    grid = scene.water
+    if grid is None:
+        return None
+    every = -(-scene.scenario.record.rate_hz // WATER_HZ)
+    kept = np.arange(len(time))[(first + np.arange(len(time))) % every == 0]
+    return WaterFrames(time[kept], np.asarray(shown[-1])[kept], grid.x, grid.z, grid.surface)
+
+
+def _advanced(run: Callable[..., Any], left: int, share: tuple[Assets, Params, tuple[Any, ...]]) -> Any:
     """One chunk on the device that holds the share."""
     device = share[2][0].frame.device
     return jax.block_until_ready(run(*share, *jax.device_put((np.int32(left), np.True_), device)))
@@ -200,9 +237,9 @@ def simulate(
     """Run a scene and keep every recorded frame in memory; `progress` is called with the frames done."""
     if frames is None and seconds is not None:
         frames = max(1, round(seconds * scene.scenario.rate_hz))
-    last: list[tuple[State, ...]] = []
+    last: list[tuple[Any, ...]] = []
 
-    def keep(states: tuple[State, ...]) -> None:
+    def keep(states: tuple[Any, ...]) -> None:
         last[:] = [states]
 
     chunks: list[Chunk] = []
@@ -215,7 +252,15 @@ def simulate(
         name: {key: np.concatenate([chunk.herds[name][key] for chunk in chunks]) for key in arrays}
         for name, arrays in chunks[0].herds.items()
     }
-    return Result(scene, np.concatenate([chunk.time for chunk in chunks]), herds, state)
+    time = np.concatenate([chunk.time for chunk in chunks])
+    return Result(scene, time, herds, state, _together([chunk.water for chunk in chunks if chunk.water is not None]))
+
+
+def _together(parts: list[WaterFrames]) -> WaterFrames | None:
+    if not parts:
+        return None
+    time, height = (np.concatenate([getattr(part, name) for part in parts]) for name in ("time", "height"))
+    return dataclasses.replace(parts[0], time=time, height=height)
 
 
 class _CallableModule(ModuleType):

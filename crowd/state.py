@@ -93,6 +93,16 @@ class State:
 
 
 @pytree
+class Water:
+    """A water surface that the crowd moves, [rows, columns]: the last of a run's states."""
+
+    height: Array  # m, above the still surface
+    motion: Array  # [2, rows, columns] m, (x, z), of the waves' kinetic energy (kernels.water)
+    pushed: Array  # [2, rows, columns // 2 + 1] m, spectrum (real, imaginary) of what bodies pushed up so far
+    frame: Array  # [1] int32, frames lived
+
+
+@pytree
 class StrideFrame:
     """What the semi-procedural system derives; prints, cycles and phases are in its state."""
 

@@ -23,6 +23,7 @@ from crowd.components import (
     skin,
     steer,
     strides,
+    water_surface,
 )
 from crowd.layout import Gait, Layout
 from crowd.params import Character, Params
@@ -46,10 +47,12 @@ def step(
     character: Character,
     state: State,
     wall: Wall,
+    felt: water_surface.Felt | None = None,
 ) -> tuple[State, Frame]:
     """State and derived frame of a tile of herd number `which` after one frame.
 
     sense -> steer -> forces -> body -> gait -> pose -> feet -> arms -> skin; every arrow is a wall.
+    felt: a water surface whose waves are in the fluid.
     """
     herd = layout.herds[which]
     before, previous = state.position, state.previous
@@ -61,6 +64,8 @@ def step(
             character,
             state,
         )
+        if felt is not None:
+            place = wall(lambda p, s, f: water_surface.sensed(p, s.position, f, wall), place, state, felt)
     with jax.named_scope("steer"):
         state, course = steer.steer(layout, herd, assets, params, character, state, wall)
     with jax.named_scope("forces"):

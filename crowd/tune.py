@@ -52,7 +52,7 @@ def run_tune(request: Request) -> Path:
         good = int((np.abs(search.residual) <= 1.0).all(1).sum())
         worst = np.abs(search.residual[search.best]).max()
         sys.stderr.write(
-            f"iteration {number}/{of}  best cost {search.cost[search.best]:.4g}, off by {worst:.2f} tolerances at most  "
+            f"iteration {number}/{of}  best cost {search.cost[search.best]:.4g}, worst residual {worst:.2f}  "
             f"{good}/{len(search.cost)} starts good  {time.monotonic() - began:.0f} s\n"
         )
         sys.stderr.flush()

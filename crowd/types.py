@@ -7,7 +7,7 @@ The character frame `_c` has its origin on the ground under the hips of the rest
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -108,6 +108,17 @@ class Archetype:
     notes: tuple[str, ...] = field(default=())  # what the importer was unsure of, for the user
     styles: tuple[Style, ...] = ()  # beside "normal"
     also_backwards: tuple[str, ...] = ()  # clips that serve reversed, too, for going the other way
+
+
+@dataclass(frozen=True, eq=False)
+class WaterFrames:
+    """Heights of a moving water surface at some moments; its grid lies in the world."""
+
+    time: np.ndarray  # [t] s
+    height: Any  # [t, rows, columns] m, above `surface`: an array, or one on disk that is read when indexed
+    x: np.ndarray  # [columns] m
+    z: np.ndarray  # [rows] m
+    surface: float  # m, world, when still
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from crowd.view.camera import Camera, framing
 from crowd.view.geometry import Body, Geometry, Level
 from crowd.view.palette import character_colors
 from crowd.view.raster import draw
+from crowd.view.relief import relief_at
 
 MOST_TRIANGLES = 1_500_000  # in one picture; of larger crowds an even selection is drawn
 GROUP = 6  # characters in a close-up
@@ -76,8 +78,21 @@ def surfaces(scene: SceneLike, time: float = 0.0) -> list[Level]:
 
 def geometry_at(run: Any, scene: SceneLike, frame: int) -> Geometry:
     """Everything to be seen at a recorded frame."""
-    levels = surfaces(scene, float(run.time[frame]))
+    time = float(run.time[frame])
+    levels = waved(run, surfaces(scene, time), time)
     return Geometry(bodies_at(run, scene, frame), scene.ground, levels, getattr(scene, "terrain", None))
+
+
+def waved(run: Any, levels: list[Level], time: float) -> list[Level]:
+    """The levels, that of the run's water surface with its waves at a moment in s."""
+    water = getattr(run, "water", None)
+    if water is None or len(water.time) == 0:
+        return levels
+    x, z = np.array([water.x.mean()]), np.array([water.z.mean()])
+    for number, level in enumerate(levels):
+        if level.height == water.surface and level.covers(x, z)[0]:
+            return [*levels[:number], replace(level, relief=relief_at(water, time)), *levels[number + 1 :]]
+    return levels
 
 
 def travel_azimuth(run: Any, scene: SceneLike, frames: Sequence[int]) -> float:

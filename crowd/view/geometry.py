@@ -10,6 +10,7 @@ import numpy as np
 from crowd.ground import Ground
 from crowd.view.camera import Camera
 from crowd.view.ground_sheets import Sheet, ground_sheets
+from crowd.view.relief import Relief
 
 Field = Callable[[np.ndarray, np.ndarray], np.ndarray]  # (x, z) in m to a height in m
 
@@ -39,17 +40,23 @@ class Level:
     clarity: float = 1.3  # m of depth at which the bottom has almost gone
     under: tuple[Level, ...] = ()  # surfaces that take the place of this one where they are
     waves: tuple[tuple[float, float, float, float], ...] = ()  # amplitude m, kx rad/m, kz, phase rad
+    relief: Relief | None = None  # waves on a grid
 
-    def rise(self, x: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Height above `height`, m, and slopes along x and z."""
-        height, slope_x, slope_z = np.zeros((3, *x.shape), x.dtype)
+    @property
+    def highest(self) -> float:
+        """m, what its waves come to at most."""
+        return sum(wave[0] for wave in self.waves) + (0.0 if self.relief is None else self.relief.highest)
+
+    def rise(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """[3, P] height above `height`, m, and slopes along x and z."""
+        found = np.zeros((3, *x.shape), x.dtype) if self.relief is None else np.array(self.relief.at(x, z), x.dtype)
         for amplitude, kx, kz, phase in self.waves:
             angle = x * x.dtype.type(kx) + z * x.dtype.type(kz) + x.dtype.type(phase)
-            height += x.dtype.type(amplitude) * np.cos(angle)
+            found[0] += x.dtype.type(amplitude) * np.cos(angle)
             steep = np.sin(angle) * x.dtype.type(-amplitude)
-            slope_x += steep * x.dtype.type(kx)
-            slope_z += steep * x.dtype.type(kz)
-        return height, slope_x, slope_z
+            found[1] += steep * x.dtype.type(kx)
+            found[2] += steep * x.dtype.type(kz)
+        return found
 
     def covers(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Whether the points x, z lie in the rectangle and in none of those that take its place."""

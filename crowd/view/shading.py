@@ -17,6 +17,8 @@ SHEEN = np.array([0.008, 0.018, 0.026], np.float32)  # light scattered back by t
 DRY = 0.004  # m under the surface up to which the ground is still drawn dry: level ground and surface do not flicker
 EDGE = 0.05  # difference of normals from which the pixels of the ground between them are drawn finely
 UNDER = 0.5  # m below the ground seen from above: a body under a deck, which darkens nothing on the deck
+WAVE_LIGHT = 1.6  # how much brighter water is that slopes towards the sun
+FINEST = 0.25  # m, simulated waves that are drawn to this length
 F32 = np.float32
 
 
@@ -156,7 +158,7 @@ class Shader:
         albedo[on_ground] *= tone[:, None]
         for level in self.geometry.levels:
             x, z = points[:, 0], points[:, 2]
-            height = level.height + level.rise(x, z)[0] if level.waves else level.height
+            height = level.height + level.rise(x, z)[0] if level.highest > 0 else level.height
             wet = on_ground & (points[:, 1] < height - DRY) & level.covers(x, z)
             albedo[wet] *= WET
         rim = np.where(on_ground, F32(0.0), F32(0.10) * (1.0 - np.abs(cosine)) ** 3)
@@ -190,16 +192,15 @@ class Shader:
         length = (beyond * np.abs(ray[:, 1]) * F32(1.5) + np.minimum(beyond, 8.0) * F32(0.05)) / F32(level.clarity)
         through = np.exp(-length[:, None] * ABSORB)
         unit = ray / np.sqrt(_dot(ray, ray))[:, None]
-        normal = ripples(x, z, reach * angle, np.abs(unit[:, 1]))
-        if level.waves:
-            _, slope_x, slope_z = level.rise(x, z)
-            normal += np.stack([-slope_x, 0 * slope_x, -slope_z], -1)
-            normal /= np.sqrt(_dot(normal, normal))[:, None]
+        steep = level.rise(x, z)[1:] if level.highest > 0 else None
+        normal = ripples(x, z, reach * angle, np.abs(unit[:, 1]), steep)
         facing = np.clip(-_dot(normal, unit), 0.02, 1.0)
         mirror = unit + 2 * facing[:, None] * normal
         fresnel = (F32(0.02) + F32(0.60) * (1 - facing) ** 5)[:, None]
         glint = np.clip(mirror @ TO_SUN.astype(F32), 0.0, 1.0) ** 220 * F32(0.5)
         body = color[pixel] * through + np.asarray(level.color, F32) * (1 - through) + SHEEN
+        if steep is not None:
+            body *= np.clip(1 - F32(WAVE_LIGHT) * (steep[0] * TO_SUN[0] + steep[1] * TO_SUN[2]), 0.4, 2.2)[:, None]
         # Where the surface meets a leg or the shore a pale line shows the height of the water.
         edge = np.exp(-((beyond / F32(0.035)) ** 2))[:, None] * F32(0.35)
         body += edge * (F32(0.85) - body)
@@ -211,9 +212,9 @@ class Shader:
         eye = np.asarray(self.camera.eye, F32)
         still = F32(level.height) - eye[1]
         along = still / rays[:, 1]
-        if not level.waves:
+        if level.highest == 0:
             return along
-        highest = F32(sum(wave[0] for wave in level.waves))
+        highest = F32(level.highest)
         near = np.abs(rays[:, 1] * F32(400.0)) > np.abs(still) + highest  # further off waves are thinner than a line
         ray, found = rays[near], along[near]
         for _ in range(6):
@@ -246,8 +247,13 @@ def grid_lines(points: np.ndarray, unit: np.ndarray, footprint: np.ndarray, slan
     return factor
 
 
-def ripples(x: np.ndarray, z: np.ndarray, footprint: np.ndarray, slant: np.ndarray) -> np.ndarray:
-    """Unit normals [P, 3] of a quiet water surface; waves smaller than a pixel fade away."""
+def ripples(
+    x: np.ndarray, z: np.ndarray, footprint: np.ndarray, slant: np.ndarray, slopes: np.ndarray | None = None
+) -> np.ndarray:
+    """Unit normals [P, 3] of a quiet water surface; waves smaller than a pixel fade away.
+
+    slopes: [2, P] along x and z of simulated waves; the quiet ones are a third as high then.
+    """
     slope_x, slope_z = np.zeros(len(x), F32), np.zeros(len(x), F32)
     blur = footprint / np.maximum(slant, F32(0.05))
     for length, angle, steep in ((2.3, 0.4, 0.018), (1.1, 1.5, 0.022), (0.61, -0.7, 0.024), (0.37, 2.4, 0.022)):
@@ -255,5 +261,8 @@ def ripples(x: np.ndarray, z: np.ndarray, footprint: np.ndarray, slant: np.ndarr
         wave = F32(steep) * np.cos(kx * x + kz * z + F32(3 * angle)) * np.exp(-((blur * F32(2 / length)) ** 2))
         slope_x += wave * F32(np.cos(angle))
         slope_z += wave * F32(np.sin(angle))
+    if slopes is not None:
+        seen = np.exp(-((blur * F32(2 / FINEST)) ** 2))
+        slope_x, slope_z = slope_x / 3 + seen * slopes[0], slope_z / 3 + seen * slopes[1]
     normal = np.stack([-slope_x, np.ones_like(slope_x), -slope_z], -1)
     return normal / np.sqrt(_dot(normal, normal))[:, None]

@@ -38,6 +38,15 @@ BOMB = "a: &a [x,x,x,x,x,x,x,x,x,x]\n" + "".join(
     f"{chr(98 + k)}: &{chr(98 + k)} [{','.join(['*' + chr(97 + k)] * 10)}]\n" for k in range(8)
 )
 
+POOL = "{fluid: water, surface_m: 1, area_m: {x: [0, 8], z: [0, 6]}}"
+
+
+def pool(keys: str, *regions: str) -> tuple[str, str]:
+    """A pool of 8 m by 6 m (and more regions), its surface with the keys given; `water` is line 12 or later."""
+    listed = "".join(f"  - {region}\n" for region in (POOL, *regions))
+    return more(f"{FLUIDS}{listed}  water: {{{keys}}}\n")
+
+
 TABLE = [
     Bad("herd named like an array", "name: people", "name: position", ("scene.yaml:4", "'position'", "an array")),
     # the file itself
@@ -441,4 +450,26 @@ TABLE = [
         'archetype: "\\0.glb"',
         (":5 herds[0].archetype", "no such file"),
     ),
+    # a water surface
+    Bad("water without fluid", *more("world: {water: {}}\n"), ("world.water.region: 0: no fluid there", "name one")),
+    Bad("water of no region", *pool("region: 1"), (":12 world.water.region: 1: no fluid there", "regions 0 to 0")),
+    Bad("water everywhere", *more(FLUIDS + "  - {fluid: water, surface_m: 1}\n  water: {}\n"), ("area_m is needed",)),
+    Bad("water cell", *pool("cell_m: 0.35"), ("cell_m: 0.35: does not fit into x of 8 m", "0.3478 would")),
+    Bad("water beyond its pool", *pool("area_m: {x: [-2, 6], z: [0, 6]}"), ("area_m.x: [-2, 6]: no fluid there",)),
+    Bad("water area turned round", *pool("area_m: {x: [6, 2], z: [0, 6]}"), ("the first must be below the second",)),
+    Bad("water too fine", *pool("cell_m: 0.01"), ("cell_m",)),
+    Bad(
+        "water of too many cells",
+        *more(FLUIDS + "  - {fluid: water, surface_m: 1, area_m: {x: [0, 800], z: [0, 800]}}\n  water: {}\n"),
+        ("64,000,000 cells, at most 262,144", "1.56 m"),
+    ),
+    Bad("water of too few cells", *pool("cell_m: 1"), ("8 cells along x, at least 16",)),
+    Bad("water all border", *pool("border_m: 3"), ("border_m: 3: two borders fill z of 6 m",)),
+    Bad(
+        "water under other fluid",
+        *pool("region: 0", "{fluid: mud, surface_m: 2, area_m: {x: [0, 2], z: [0, 2]}, priority: 1}"),
+        ("world.fluids[1] lies over",),
+    ),
+    Bad("water strength", *pool("strength: -1"), ("world.water.strength", "-1")),
+    Bad("water key", *pool("feedbak: true"), ("feedbak: unknown key", "feedback")),
 ]
