@@ -177,7 +177,10 @@ class Stepper:
         def fitting(name: str, mine: Any, given: Any) -> np.ndarray:
             given = np.asarray(given)[: mine.shape[0]]
             if given.shape != mine.shape:
-                raise fail("state", f"'{name}' is of another scene: shape {given.shape} instead of {mine.shape}")
+                raise fail(
+                    "state",
+                    f"{'' if name == 'world.water' else 'herd '}'{name}' is of another scene: shape {given.shape} instead of {mine.shape}",
+                )
             return given
 
         return tuple(
