@@ -177,10 +177,8 @@ class Stepper:
         def fitting(name: str, mine: Any, given: Any) -> np.ndarray:
             given = np.asarray(given)[: mine.shape[0]]
             if given.shape != mine.shape:
-                raise fail(
-                    "state",
-                    f"{'' if name == 'world.water' else 'herd '}'{name}' is of another scene: shape {given.shape} instead of {mine.shape}",
-                )
+                who = name if name == "world.water" else f"herd '{name}'"
+                raise fail("state", f"{who} is of another scene: shape {given.shape} instead of {mine.shape}")
             return given
 
         return tuple(
