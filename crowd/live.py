@@ -172,12 +172,13 @@ class Stepper:
     def _checked(self, state: Sequence[Any]) -> tuple[Any, ...]:
         """A state of this scene; tiles that were added for several devices are left out."""
         if len(state) != len(self._first):
-            raise fail("state", f"of {len(state)} parts; the scene has {len(self._first)}: {', '.join(self._names)}")
+            raise fail("state", f"of {len(state)} herds; the scene has {len(self._first)}: {', '.join(self._names)}")
 
         def fitting(name: str, mine: Any, given: Any) -> np.ndarray:
             given = np.asarray(given)[: mine.shape[0]]
             if given.shape != mine.shape:
-                raise fail("state", f"'{name}' is of another scene: shape {given.shape} instead of {mine.shape}")
+                who = name if name == "world.water" else f"herd '{name}'"
+                raise fail("state", f"{who} is of another scene: shape {given.shape} instead of {mine.shape}")
             return given
 
         return tuple(
