@@ -16,7 +16,8 @@ Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e6
 STEADY = 1e-2  # relative fall of the cost below which a try brought nothing
-ARRIVED = 1e-2  # cost below which a start is done
+ARRIVED = 0.25  # tolerances: a start whose every residual is smaller is done
+ENOUGH = 0.9  # of the starts: the search ends when so many are done
 
 
 @dataclass
@@ -65,7 +66,8 @@ def levenberg_marquardt(search: Search, evaluate: Evaluate) -> bool:
     factor = np.where(better, 1.0 / 3.0, 5.0)
     search.damping = np.clip(search.damping * factor, LEAST_DAMPING, MOST_DAMPING)
     search.history.append(search.cost.copy())
-    return bool(((search.still < 3) & (search.cost > ARRIVED)).any())
+    done = (np.abs(search.residual) <= ARRIVED).all(1)
+    return bool(done.mean() < ENOUGH and ((search.still < 3) & ~done).any())
 
 
 def _steps(search: Search) -> np.ndarray:

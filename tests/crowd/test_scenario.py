@@ -17,7 +17,7 @@ from crowd.scenario_world import FluidRegion
 from crowd.scenario_yaml import key_text, read_text
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
-SCENARIOS = sorted(path for path in CONFIGS.glob("*.yaml") if path.name != "fluids.yaml")
+SCENARIOS = sorted(path for path in CONFIGS.glob("*.yaml") if not path.name.startswith(("fluids", "tune_")))
 EDITOR_LINE = "# yaml-language-server: $schema=schema/scenario.json"
 
 MINIMAL = """
