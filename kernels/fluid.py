@@ -10,6 +10,6 @@ FADE_SPEED = 0.01  # m/s: the offset force fades below it, by |u|^2 / (|u|^2 + u
 STILL_SPEED = 1e-4  # m/s: slower triangles do not count (rounding makes planted ones relevant at random)
 
 
-def sigmoid(density: Float[Array, "*b"], a: Array, b: Array, c: Array) -> Float[Array, "*b"]:
+def sigmoid(density: Float[Array, "*#b"], a: Array, b: Array, c: Array) -> Float[Array, "*b"]:
     """a / (1 + exp(-b (rho - c))), for b of either sign; does not overflow."""
     return a * 0.5 * (1.0 + jnp.tanh(0.5 * b * (density - c)))

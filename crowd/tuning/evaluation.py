@@ -220,6 +220,10 @@ def _free(problem: Problemset, scene: Scene) -> tuple[Free, ...]:
             problems.append(Problem(where, message))
             continue
         found.append(Free(name, known[name], low, high, start, one.scale == "log"))
+    if any(region.layers for region in scene.scenario.world.fluids):
+        fluids = [name for name in problem.tune.free if name.startswith("fluids.")]
+        told = "constants of fluids cannot be free where a region has layers; leave the layers out"
+        problems += [Problem(problem.where("free", name), told) for name in fluids]
     if problems:
         raise InputError(problems)
     return tuple(found)

@@ -103,6 +103,7 @@ def dump(path: Path, data: dict[str, Any], note: str) -> None:
 
     yaml = YAML(typ="safe", pure=True)
     yaml.default_flow_style = None
+    yaml.width = 160
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     with path.open("w", encoding="utf-8") as stream:
         stream.write(f"# {note}\n")

@@ -16,7 +16,7 @@ from crowd.params import Params
 
 # what the step reads per character wherever it reads it: a number may then differ from character to character
 ROOTS = ("fluids", "control", "strides", "characters")
-FIXED = ("fluids.flow", "fluids.low", "fluids.high")
+OF_FLUIDS = ("base_drag", "offset_force", "density", "drag_override", "offset_override", "surface")
 
 
 class Free(NamedTuple):
@@ -63,7 +63,7 @@ def names(params: Params, herds: tuple[str, ...]) -> dict[str, tuple[str | int, 
             found[f"{steps[0]}.{rest}"] = (steps[0], "*", *steps[2:])  # type: ignore[assignment]
             continue
         name = ".".join(map(str, steps))
-        if name in FIXED:
+        if steps[0] == "fluids" and steps[1] not in OF_FLUIDS:
             continue
         for index in range(leaf.size) if leaf.ndim else (None,):
             found[name if index is None else f"{name}[{index}]"] = steps if index is None else (*steps, index)  # type: ignore[assignment]

@@ -20,9 +20,17 @@ def decay(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def searched(places: np.ndarray, evaluate: fit.Evaluate = decay, weight: float = 0.0, count: int = 40) -> fit.Search:
     search = fit.begin(places, np.full(places.shape[1], 0.5), weight, evaluate)
     for _ in range(count):
-        if not fit.levenberg_marquardt(search, evaluate):
-            break
+        fit.levenberg_marquardt(search, evaluate)
     return search
+
+
+def test_a_search_ends_when_nearly_all_starts_have_arrived() -> None:
+    search = fit.begin(fit.random_places(np.array([0.5, 0.5]), 20, 0.5, 0), np.full(2, 0.5), 0.0, decay)
+    count = 0
+    while fit.levenberg_marquardt(search, decay):
+        count += 1
+    assert 2 < count < 30
+    assert (np.abs(search.residual) <= fit.ARRIVED).all(1).mean() >= fit.ENOUGH
 
 
 def test_every_start_finds_the_answer() -> None:
