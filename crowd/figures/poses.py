@@ -36,18 +36,20 @@ def figure_5(study: Study, path: Path) -> Path:
 def _picture(study: Study, walk: Walk) -> Image.Image:
     """The walker from its left, at a moment near its end with the right leg ahead."""
     herd: HerdLike = study.scene.herds[0]
-    height = study.scene.herds[0].archetype.height
+    rest = study.scene.herds[0].archetype.mesh.vertices
+    reach = np.abs(rest[:, [0, 2]]).max()
     frame = int(np.flatnonzero(np.diff(walk.arrays["phase"]) < -0.5)[-1])
     arrays = {name: values[:, None] for name, values in walk.arrays.items()}
     vertices = vertices_at(herd, arrays, frame, slice(0, 1))
-    middle = walk.arrays["position"][frame] + np.array([0.0, 0.5 * height, 0.0])
-    half = 1.6 * height
-    x, z = (middle[0] - half, middle[0] + half), (middle[2] - half, middle[2] + half)
+    at = walk.arrays["position"][frame]
+    half = 4.0 * max(reach, 0.5 * float(rest[:, 1].max()))
+    x, z = (at[0] - half, at[0] + half), (at[2] - half, at[2] + half)
     _, color, clarity = TINTS[FLUIDS.index(walk.pool.fluid)]
     level = Level(walk.depth, color, x, z, clarity)
     body = Body(vertices, herd.archetype.mesh.triangles, character_colors(0, 1))
-    box = middle + 0.62 * height * np.array([[0, -1, -0.7], [0, 1, 0.7], [0.2, 0.0, 0.0]])
-    camera = framing(box, SIZE, AZIMUTH, ELEVATION, FIELD_OF_VIEW, 0.02)
+    # the same box for every walk of a body: its rest pose, a little longer for the strides
+    box = at + np.array([[0.0, 0.0, -1.1 * reach], [0.0, rest[:, 1].max(), 1.1 * reach]])
+    camera = framing(np.concatenate([box, at + rest]), SIZE, AZIMUTH, ELEVATION, FIELD_OF_VIEW, 0.03)
     return draw(Geometry([body], level_ground, [level]), camera, SIZE)
 
 

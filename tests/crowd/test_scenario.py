@@ -190,11 +190,11 @@ def test_loading_does_not_change_the_callers_mapping() -> None:
     assert json.dumps(mapping) == before
 
 
-def test_first_fluid_constants() -> None:
+def test_fitted_fluid_constants() -> None:
     table = scenario.load(CONFIGS / "wade.yaml").fluid_table
     found = {name: table.fluid(FluidRegion(fluid=name, surface_m=0.0)) for name in ("water", "mud", "goo")}
     assert found["water"].drag_coefficient == pytest.approx(1.08, abs=0.005)
-    for name, force in (("water", 1.0), ("mud", 40.0), ("goo", 460.0)):
+    for name, force in (("water", 0.572), ("mud", 47.6), ("goo", 553.0)):
         assert found[name].offset_force_n == pytest.approx(force, rel=0.01)
 
 
