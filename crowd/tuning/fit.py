@@ -16,7 +16,7 @@ Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 LEAST_DAMPING, MOST_DAMPING = 1e-8, 1e6
 STEADY = 1e-2  # relative fall of the cost below which a try brought nothing
-ARRIVED = 0.25  # tolerances: a start whose every residual is smaller is done
+ARRIVED = 0.5  # tolerances: a start whose every residual is smaller is done
 ENOUGH = 0.9  # of the starts: the search ends when so many are done
 
 
