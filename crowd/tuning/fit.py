@@ -16,7 +16,8 @@ Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 LEAST_DAMPING, MOST_DAMPING = 1e-8, 1e6
 STEADY = 1e-2  # relative fall of the cost below which a try brought nothing
-ARRIVED = 0.5  # tolerances: a start whose every residual is smaller is done
+ARRIVED = 0.25  # tolerances: a start whose every residual is smaller is done
+CALM = 0.05  # relative fall of the cost below which a start within every tolerance is done
 ENOUGH = 0.9  # of the starts: the search ends when so many are done
 
 
@@ -62,11 +63,13 @@ def levenberg_marquardt(search: Search, evaluate: Evaluate) -> bool:
     for name, new in (("place", trial), ("residual", residual), ("slope", slope)):
         old = getattr(search, name)
         setattr(search, name, np.where(better.reshape(-1, *(1,) * (old.ndim - 1)), new, old))
+    calm = ~better | (cost > search.cost * (1.0 - CALM))
     search.cost = np.where(better, cost, search.cost)
     factor = np.where(better, 1.0 / 3.0, 5.0)
     search.damping = np.clip(search.damping * factor, LEAST_DAMPING, MOST_DAMPING)
     search.history.append(search.cost.copy())
-    done = (np.abs(search.residual) <= ARRIVED).all(1)
+    size = np.abs(search.residual).max(1)
+    done = (size <= ARRIVED) | (calm & (size <= 1.0))
     return bool(done.mean() < ENOUGH and ((search.still < 3) & ~done).any())
 
 

@@ -30,7 +30,7 @@ def test_a_search_ends_when_nearly_all_starts_have_arrived() -> None:
     while fit.levenberg_marquardt(search, decay):
         count += 1
     assert 2 < count < 30
-    assert (np.abs(search.residual) <= fit.ARRIVED).all(1).mean() >= fit.ENOUGH
+    assert (np.abs(search.residual) <= 1.0).all(1).mean() >= fit.ENOUGH
 
 
 def test_every_start_finds_the_answer() -> None:
