@@ -140,13 +140,15 @@ def _plot(path: Path, outcome: Outcome) -> Path:
     labels = [f"{t.herd} {t.character}\n{t.quantity}" for t in evaluation.targets]
     position = np.arange(len(labels))
     right.axvspan(-1, 1, color=LEFT, alpha=0.12, linewidth=0)
-    shown = ((outcome.values, 0.16, INK, "fitted"), (outcome.verified, -0.16, LEFT, "plain run"))
-    for values, shift, color, label in shown:
-        right.barh(
-            position + shift, (values - evaluation.values) / evaluation.tolerances, 0.3, color=color, label=label
-        )
+    shown = ((outcome.values, 0.1, "o", INK, "fitted"), (outcome.verified, -0.1, "s", LEFT, "plain run"))
+    for values, shift, marker, color, label in shown:
+        residual = (values - evaluation.values) / evaluation.tolerances
+        right.plot(residual, position + shift, marker, color=color, markersize=7, label=label)
     right.set_yticks(position, labels, fontsize=8)
     right.invert_yaxis()
+    right.set_xlim(-max(1.25, right.get_xlim()[1]), max(1.25, right.get_xlim()[1]))
     right.set_xlabel("residual, tolerances")
     right.legend(frameon=False, fontsize=9)
-    return finish(made, path, f"{outcome.problem.tune.name}: {len(search.cost)} starts", left)
+    return finish(
+        made, path, f"{outcome.problem.tune.name}: starts {len(search.cost)}, reached {int(outcome.reached.sum())}"
+    )
