@@ -30,6 +30,7 @@ AT_ONCE = 1e6  # m/s2, where one of two limits is left out
 # Gains that behaved for a person of 70 kg and 1.70 m; others are scaled with mass and size (Froude similarity).
 PERSON_MASS, PERSON_SIZE = 70.0, 1.70
 GAINS = dict(gain_forward=900.0, gain_side=250.0, damping=70.0)
+MEASURED = dict(gain_forward=165.0)  # preset `measured`: configs/tune_measured_wading.yaml, at C_D0 = 1.08
 YAW = dict(yaw_inertia=4.0, yaw_gain=500.0, yaw_damping=100.0)
 PITCH = dict(pitch_inertia=12.0, pitch_gain=1500.0, pitch_damping=250.0)
 KEYS = dict(
@@ -227,7 +228,8 @@ def _character(scene: Scene, herd: HerdScene) -> dict[str, Any]:
     mass, scale = herd.mass, herd.scale
     heavy = mass / PERSON_MASS
     size = scale * extent(herd) / PERSON_SIZE
-    values = {name: heavy * value for name, value in GAINS.items()}
+    usual = GAINS | (MEASURED if herd.model.gains.preset == "measured" else {})
+    values = {name: heavy * value for name, value in usual.items()}
     for group in (YAW, PITCH):
         values |= {name: heavy * size**2 * value for name, value in group.items()}
     for name, key in KEYS.items():

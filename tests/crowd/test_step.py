@@ -156,6 +156,19 @@ def test_denser_is_slower() -> None:
     assert speed[0] > speed[1] > speed[2] > 0.25
 
 
+def test_measured_people() -> None:
+    """Preset `measured`: speed factors of wading people (188 of them at 0.35 m and 0.90 m), falling, convex."""
+    speed = {}
+    for depth in (0.35, 0.90, 1.22):
+        arrays = run(scenario([herd("p", "human", 2, gains={"preset": "measured"})], depth), 12.0)["p"]
+        speed[depth] = float(arrays["velocity"][420:, :, 2].mean() / 1.3)
+    assert speed[0.35] == pytest.approx(0.58, abs=0.03)
+    assert speed[0.90] == pytest.approx(0.40, abs=0.05)
+    assert 0.30 <= speed[1.22] <= 0.45
+    falls = [(1.0 - speed[0.35]) / 0.35, (speed[0.35] - speed[0.90]) / 0.55, (speed[0.90] - speed[1.22]) / 0.32]
+    assert falls[0] > falls[1] > falls[2] > 0
+
+
 def test_side_push_takes_side_steps_and_recovers() -> None:
     """150 N s sideways: displaced by J / k, feet never cross, back at speed within 3 s, facing ahead."""
     push = [{"at_s": 3.0, "impulse_n_s": [150.0, 0.0, 0.0]}]
