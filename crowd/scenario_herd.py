@@ -114,8 +114,8 @@ class Gains(Model):
     """Controller gains; those left out follow from the archetype's mass and size."""
 
     preset: Literal["paper", "measured"] = "paper"
-    """paper: 72 % of the speed is left waist-deep in water; measured: people's 0.57, 0.43 and 0.39 at 0.35 m, 0.90 m and
-    the chest."""
+    """paper: waist-deep in water 72 % of the speed is left; measured: as of people, 0.57, 0.43 and 0.39 at 0.35 m, at
+    0.90 m and chest-deep."""
     velocity_n_s_m: Positive | None = None
     lateral_n_s_m: Positive | None = None
     damping_kg: NotNegative | None = None
