@@ -43,7 +43,7 @@ def _picture(study: Study, walk: Walk) -> Image.Image:
     vertices = vertices_at(herd, arrays, frame, slice(0, 1))
     at = walk.arrays["position"][frame]
     half = 4.0 * max(reach, 0.5 * float(rest[:, 1].max()))
-    x, z = (at[0] - half, at[0] + half), (at[2] - half, at[2] + half)
+    x, z = ((float(at[axis] - half), float(at[axis] + half)) for axis in (0, 2))
     _, color, clarity = TINTS[FLUIDS.index(walk.pool.fluid)]
     level = Level(walk.depth, color, x, z, clarity)
     body = Body(vertices, herd.archetype.mesh.triangles, character_colors(0, 1))

@@ -128,9 +128,8 @@ def _figure_8(study: Study) -> list[Check]:
 
 def _jogging(study: Study) -> list[Check]:
     walk, jog = study.walks["water knee"].remaining, study.walks["jog"].remaining
-    faster = study.walks["jog"].speed[study.walks["jog"].steady()].mean() / study.walks["water knee"].speed[
-        study.walks["water knee"].steady()
-    ].mean()  # fmt: skip
+    speeds = [float(one.speed[one.steady()].mean()) for one in (study.walks["jog"], study.walks["water knee"])]
+    faster = speeds[0] / speeds[1]
     found = [Check("Section 6", "jogging stays faster than walking", "faster", f"{faster:.2f} times", faster > 1.0)]
     if study.archetype == PERSON:
         both = min(walk, jog) >= 0.74 and max(walk, jog) <= 0.84
@@ -188,7 +187,7 @@ def _unsteady(walk: Walk) -> float:
     phase = walk.arrays["phase"]
     at = starts + (1.0 - phase[starts]) / (phase[starts + 1] + 1.0 - phase[starts])  # frames, where the cycle begins
     lengths = np.diff(at[at >= 10 * RATE])
-    return max((abs(b / a - 1.0) for a, b in pairwise(lengths)), default=0.0)
+    return float(max((abs(b / a - 1.0) for a, b in pairwise(lengths)), default=0.0))
 
 
 def _late(walk: Walk) -> float:
