@@ -13,9 +13,7 @@ import numpy as np
 from crowd import posing
 from crowd.recorded_scene import HerdLike
 from crowd.types import Motion
-
-REFERENCE_AREA = 0.2  # m2, of the offset force in `area` mode
-STILL_SPEED = 1e-4  # m/s, slower triangles do not count
+from kernels.fluid import REFERENCE_AREA, STILL_SPEED
 
 
 class Triangles(NamedTuple):
