@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,7 @@ class Search:
     damping: np.ndarray  # [s]
     still: np.ndarray  # [s] tries in a row that brought nothing
     history: list[np.ndarray] = field(default_factory=list)  # [s] cost after each iteration
-    moments: object = None  # Adam's
+    moments: Any = None  # Adam's
 
     @property
     def best(self) -> int:
@@ -107,7 +108,7 @@ def adam(search: Search, evaluate: Evaluate, rate: float) -> bool:
             search.slope,
             optimiser.init(jnp.zeros(search.place.shape)),
         )
-    place, residual, slope, moments = search.moments  # type: ignore[misc]
+    place, residual, slope, moments = search.moments
     gradient = np.einsum("st,stp->sp", residual, slope) + search.weight**2 * (place - search.prior)
     update, moments = optimiser.update(jnp.asarray(np.nan_to_num(gradient)), moments)
     place = np.clip(place + np.asarray(update, float), 0.0, 1.0)

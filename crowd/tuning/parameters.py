@@ -52,21 +52,21 @@ def names(params: Params, herds: tuple[str, ...]) -> dict[str, tuple[str | int, 
     """Every name that may be free, and the way to it. `characters.NAME` is that number of all herds."""
     found: dict[str, tuple[str | int, ...]] = {}
     for path, leaf in jax.tree_util.tree_leaves_with_path(params):
-        steps = tuple(getattr(key, "name", getattr(key, "idx", None)) for key in path)
+        steps: Any = tuple(getattr(key, "name", getattr(key, "idx", None)) for key in path)
         if steps[0] not in ROOTS or leaf.dtype != np.float32:
             continue
         if steps[0] in ("strides", "characters"):
             if steps[0] == "characters" and leaf.ndim != 2:
                 continue
             rest = ".".join(map(str, steps[2:]))
-            found[f"{steps[0]}.{herds[steps[1]]}.{rest}"] = steps  # type: ignore[assignment]
-            found[f"{steps[0]}.{rest}"] = (steps[0], "*", *steps[2:])  # type: ignore[assignment]
+            found[f"{steps[0]}.{herds[steps[1]]}.{rest}"] = steps
+            found[f"{steps[0]}.{rest}"] = (steps[0], "*", *steps[2:])
             continue
         name = ".".join(map(str, steps))
         if steps[0] == "fluids" and steps[1] not in OF_FLUIDS:
             continue
         for index in range(leaf.size) if leaf.ndim else (None,):
-            found[name if index is None else f"{name}[{index}]"] = steps if index is None else (*steps, index)  # type: ignore[assignment]
+            found[name if index is None else f"{name}[{index}]"] = steps if index is None else (*steps, index)
     return found
 
 
