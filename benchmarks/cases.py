@@ -50,6 +50,21 @@ CASES = (
     Case("human-skinned-2048-2dev", (("human", 2048),), mesh="skinned", devices=2),
 )
 
+# On a GPU: from where it idles to where it is full.
+GPU_CASES = (
+    Case("human-rigid-64", (("human", 64),)),
+    Case("human-rigid-2048", (("human", 2048),)),
+    Case("human-rigid-16384", (("human", 16384),)),
+    Case("human-rigid-102400", (("human", 102400),)),
+    Case("human-skinned-2048", (("human", 2048),), mesh="skinned"),
+    Case("human-skinned-16384", (("human", 16384),), mesh="skinned"),
+    Case("human-skinned-102400", (("human", 102400),), mesh="skinned"),
+    Case("human-strides-16384", (("human", 16384),), gait="semi_procedural"),
+    Case("human-strides-102400", (("human", 102400),), gait="semi_procedural"),
+    Case("dog-rigid-16384", (("dog", 16384),)),
+    Case("human-dog-rigid-16384", (("human", 8192), ("dog", 8192))),
+)
+
 # The figures that are always asked for.
 QUICK = (
     "human-rigid-2048",

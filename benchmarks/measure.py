@@ -4,7 +4,8 @@ The last line it prints is the measurement, as JSON. A process of its own becaus
 before JAX starts, because peak memory is the process's, and because a second process is what tells how fast a start
 from the compile cache is (`JAX_COMPILATION_CACHE_DIR`: empty for the first, filled for the second).
 
-With one device the process is confined to one core before JAX starts, compiler included, so "one core" is true.
+On processors a case is confined to as many cores as it has devices before JAX starts, compiler included, so "one core"
+is true. On a GPU it has all cores, for the compiler.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Literal
 
 from benchmarks.cases import RATE, Case, scenario
 from benchmarks.machine import peak_memory, pin
@@ -28,6 +29,8 @@ class Job:
     frames: int | None = None  # per timed run; None: enough for a run to last
     runs: int = 7  # 0: compile only
     profile: bool = True  # also time the stages
+    platform: Literal["cpu", "gpu"] = "cpu"
+    warm: bool = True  # also compiled again from the cache, by `run.py`
 
     def text(self) -> str:
         """As JSON, for the command line."""
@@ -43,32 +46,38 @@ class Job:
 
 
 def frames_for(count: int) -> int:
-    """Frames of a timed run: 60, more for few characters so that starting a run does not weigh."""
+    """Frames of a timed run: 60, more for few characters so that starting a run does not weigh, fewer for very many."""
+    if count > 16384:
+        return max(10, RATE * 16384 // count)
     return RATE * max(1, min(8, 2048 // max(count, 1)))
 
 
 def measure(job: Job) -> dict[str, Any]:
     """Compiles the case, times it and returns the measurement. Chooses cores and devices: needs a fresh process."""
-    pinned = pin(job.case.devices)
+    pinned = pin(job.case.devices) if job.platform == "cpu" else []
     import jax
 
     from crowd import compile_cache
 
-    jax.config.update("jax_platforms", "cpu")
-    jax.config.update("jax_num_cpu_devices", job.case.devices)
+    if job.platform == "cpu":
+        jax.config.update("jax_platforms", "cpu")
+        jax.config.update("jax_num_cpu_devices", job.case.devices)
     compile_cache.enable()
     frames = job.frames or frames_for(job.case.count)
     program, line = _compiled(job, frames)
-    line |= {"pinned_cores": pinned}
+    line |= {"pinned_cores": pinned, "device": jax.devices()[0].device_kind}
     if not job.runs:
         return line
     executable = program[0][0]
     arguments, samples = _timed(program, job, frames)
     line |= samples | {"peak_rss_bytes": peak_memory()}
+    if (held := jax.devices()[0].memory_stats()) is not None:  # processors do not say
+        line["peak_device_bytes"] = held["peak_bytes_in_use"]
     if job.profile:
         from benchmarks.stages import shares
 
-        line["stage_share"] = shares(executable, *arguments, frames=max(1, min(RATE, 8192 // job.case.count)))
+        profiled = max(1, min(RATE, 8192 // job.case.count)) if job.platform == "cpu" else 20
+        line["stage_share"], line["instructions_per_frame"] = shares(executable, *arguments, frames=profiled)
     return line
 
 

@@ -11,13 +11,14 @@ import os
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
 
-from benchmarks.cases import CASES, QUICK, Case
+from benchmarks.cases import CASES, GPU_CASES, QUICK, Case
 from benchmarks.figures import figures
 from benchmarks.machine import ROOT, cores, machine
 from benchmarks.measure import Job
@@ -26,7 +27,8 @@ from benchmarks.table import show
 from crowd.errors import nearest
 
 Line = dict[str, Any]
-RESULTS = ROOT / "benchmarks" / "results" / "latest.jsonl"
+RESULTS = ROOT / "benchmarks" / "results"
+Platform = Literal["cpu", "gpu"]
 
 
 def run_case(job: Job) -> Line:
@@ -38,18 +40,19 @@ def run_case(job: Job) -> Line:
     case = job.case
     line: Line = {"kind": "case", "case": case.name, "devices": case.devices, "characters": case.count}
     line |= {"mesh": case.mesh, "water": case.water, "herds": dict(case.herds)}
-    if case.devices > len(cores()):
+    if job.platform == "cpu" and case.devices > len(cores()):
         return line | {"error": f"needs {case.devices} cores, there are {len(cores())}"}
     try:
         with tempfile.TemporaryDirectory(prefix="crowd-bench-") as cache:
-            measured = _process(job, cache)
+            line |= _process(job, cache)
+            line["compile_cold_s"] = line.pop("compile_s")
             programs = len(os.listdir(cache))
-            warm = _process(Job(case, job.frames, runs=0), cache)
-            reused = len(os.listdir(cache)) == programs
+            if job.warm:
+                warm = _process(replace(job, runs=0), cache)
+                line |= {"compile_warm_s": warm["compile_s"], "cache_used": len(os.listdir(cache)) == programs}
     except subprocess.CalledProcessError as error:
         return line | {"error": "\n".join(error.stderr.splitlines()[-20:])}
-    measured["compile_cold_s"] = measured.pop("compile_s")
-    return line | measured | {"compile_warm_s": warm["compile_s"], "cache_used": reused}
+    return line
 
 
 def _process(job: Job, cache: str) -> Line:
@@ -60,29 +63,35 @@ def _process(job: Job, cache: str) -> Line:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def chosen(names: list[str], quick: bool) -> list[Case]:
+def chosen(names: list[str], quick: bool, platform: Platform = "cpu") -> list[Case]:
     """The cases asked for; all when none are. Raises typer.BadParameter for an unknown name."""
-    known = [case.name for case in CASES]
+    cases = CASES if platform == "cpu" else GPU_CASES
+    known = [case.name for case in cases]
     for name in names:
         if name not in known:
             raise typer.BadParameter(f"there is no case '{name}'{nearest(name, known)}; --list names them")
     wanted = set(names) | (set(QUICK) if quick else set())
-    return [case for case in CASES if not wanted or case.name in wanted]
+    return [case for case in cases if not wanted or case.name in wanted]
 
 
 def main(
     case: Annotated[list[str] | None, typer.Option(help="Only this case (repeatable).")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Only the cases of the promised figures.")] = False,
     names: Annotated[bool, typer.Option("--list", help="Print the cases and stop.")] = False,
-    out: Annotated[Path, typer.Option(help="JSON lines go here; an earlier file is replaced.")] = RESULTS,
+    platform: Annotated[Platform, typer.Option(help="gpu: cases of its own, on the first one.")] = "cpu",
+    out: Annotated[
+        Path | None, typer.Option(help="JSON lines go here; replaces a file [default: one in benchmarks/results]")
+    ] = None,
     runs: Annotated[int, typer.Option(min=1, help="Timed runs of each case.")] = 7,
     frames: Annotated[int | None, typer.Option(min=1, help="Frames of each run [default: 60 or more].")] = None,
     stages: Annotated[bool, typer.Option(help="Also time the stages of the step.")] = True,
+    warm: Annotated[bool, typer.Option(help="Also compile every case again, from the cache.")] = True,
     start: Annotated[bool, typer.Option(help="Also time the start of `crowd run`.")] = True,
 ) -> None:
     """Time the simulation, its compilation and its start, and compare with what is promised."""
     console = Console() if sys.stdout.isatty() else Console(width=160)
-    cases = chosen(case or [], quick)
+    cases = chosen(case or [], quick, platform)
+    out = out or RESULTS / ("latest.jsonl" if platform == "cpu" else "gpu.jsonl")
     if names:
         for one in cases:
             print(one.name)
@@ -92,14 +101,14 @@ def main(
     console.print(f"{here['cpu']}, {here['cores']} cores, load {here['load_1min']}, jax {here['jax']}")
     out.parent.mkdir(parents=True, exist_ok=True)
     with out.open("w", encoding="utf-8") as file:
-        jobs = [lambda one=one: run_case(Job(one, frames, runs, stages)) for one in cases]
-        for job in (*jobs, *([_start] if start else [])):
+        jobs = [lambda one=one: run_case(Job(one, frames, runs, stages, platform, warm)) for one in cases]
+        for job in (*jobs, *([_start] if start and platform == "cpu" else [])):
             line = job() | {"machine": machine()}
             lines.append(line)
             file.write(json.dumps(line) + "\n")
             file.flush()
             console.print(_told(line))
-    show(lines, figures(lines), console)
+    show(lines, figures(lines) if platform == "cpu" else [], console)
     print(f"results  {out}")
     if any("error" in line for line in lines):
         raise typer.Exit(1)
@@ -121,7 +130,7 @@ def _told(line: Line) -> str:
         warm = f"{line['warm_s']:.1f} s ({line['warm_cpu_s']:.1f} s of processor)"
         return f"{name}: {line['cold_s']:.1f} s, with a warm cache {warm}"
     compiled = f"{line['compile_cold_s']:.1f} s ({line['compile_cpu_s']:.1f} s of processor)"
-    return f"{name}: {line['us']:.2f} µs, compiled in {compiled}"
+    return f"{name}: {line['us']:.4g} µs, compiled in {compiled}"
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 STAGES = ("sense", "steer", "forces", "body", "gait", "pose", "feet", "arms", "skin", "drag", "record")
+CALLS = ("closed_call", "eval_jaxpr")  # what JAX calls the body of a loop, by version
 LOOPS = "loops"  # scanning over frames, mapping over tiles, moving states in and out of them
 
 _INSTRUCTION = re.compile(r"^\s+(?:ROOT )?%?(?P<name>[\w.\-]+) = .*?op_name=\"(?P<path>[^\"]*)\"", re.MULTILINE)
@@ -31,25 +32,27 @@ class Event(NamedTuple):
 
 
 def stage_of(path: str) -> str:
-    """Stage of an instruction from its path of scopes, e.g. "jit(rollout)/while/body/closed_call/skin/cond/add".
+    """Stage of an instruction from its path of scopes, e.g. "jit(rollout)/while/body/closed_call/skin/cond/add", or
+    "jit(rollout)/while/body/eval_jaxpr/while/body/vmap(skin)/add" where all tiles are stepped at once.
 
     The innermost stage counts: skin/drag is drag. A wall of the step outside every stage is the recording.
     """
     parts = path.split("/")
     # the step is what a loop calls that is no loop itself
-    calls = [i for i, (part, after) in enumerate(pairwise(parts)) if part == "closed_call" and after != "while"]
-    if not calls:
-        return LOOPS
-    step = parts[calls[0] :]
-    stages = [part for before, part in pairwise(step) if part in STAGES and before != "while"]  # not while/body
+    calls = [i for i, (part, after) in enumerate(pairwise(parts)) if part in CALLS and after != "while"]
+    step = parts[calls[0] :] if calls else [part for part in parts if part.startswith("vmap(")]
+    named = [part.removeprefix("vmap(").removesuffix(")") for part in step]
+    stages = [part for before, part in pairwise(("", *named)) if part in STAGES and before != "while"]  # not while/body
     if stages:
         return stages[-1]
-    return "record" if step[1] == "cond" else LOOPS
+    return "record" if calls and step[1] == "cond" else LOOPS
 
 
 def instruction_stages(text: str) -> dict[str, str]:
-    """Stage of every instruction of a compiled program's text that says where it came from."""
-    return {match["name"]: stage_of(match["path"]) for match in _INSTRUCTION.finditer(text)}
+    """Stage of every instruction of a compiled program's text that says where it came from, by its name and by that of
+    the kernel that a GPU makes of it."""
+    stages = {match["name"]: stage_of(match["path"]) for match in _INSTRUCTION.finditer(text)}
+    return {re.sub(r"[.-]", "_", name): stage for name, stage in stages.items()} | stages
 
 
 def own_times(events: Iterable[Event], stages: Mapping[str, str]) -> dict[str, float]:
@@ -70,8 +73,11 @@ def own_times(events: Iterable[Event], stages: Mapping[str, str]) -> dict[str, f
     return total
 
 
-def shares(executable: Any, assets: Any, params: Any, states: Any, flag: Any, frames: int) -> dict[str, float]:
-    """Share of every stage in the time of `frames` frames, adding up to 1; empty where the profiler shows nothing.
+def shares(
+    executable: Any, assets: Any, params: Any, states: Any, flag: Any, frames: int
+) -> tuple[dict[str, float], float]:
+    """Share of every stage in the time of `frames` frames, adding up to 1, and how many instructions of a stage (on a
+    GPU: kernels) run in a frame; empty and 0 where the profiler shows nothing.
 
     executable: the compiled `crowd.simulate.rollout`, whose remaining arguments follow. The states are donated.
     """
@@ -86,17 +92,29 @@ def shares(executable: Any, assets: Any, params: Any, states: Any, flag: Any, fr
         with jax.profiler.trace(folder, profiler_options=options):
             jax.block_until_ready(executable(assets, params, states, count, flag))
         file = next(Path(folder).rglob("*.xplane.pb"))
-        total = sum_lines(jax.profiler.ProfileData.from_file(str(file)), stages)
+        total, count = sum_lines(jax.profiler.ProfileData.from_file(str(file)), stages)
     whole = sum(total.values())
-    return {name: round(total[name] / whole, 4) for name in (*STAGES, LOOPS) if name in total} if whole > 0 else {}
+    if not whole > 0:
+        return {}, 0.0
+    return {name: round(total[name] / whole, 4) for name in (*STAGES, LOOPS) if name in total}, count / frames
 
 
-def sum_lines(profile: Any, stages: Mapping[str, str]) -> dict[str, float]:
-    """ns by stage, of all threads of a profile."""
+def sum_lines(profile: Any, stages: Mapping[str, str]) -> tuple[dict[str, float], int]:
+    """(ns by stage, number of instructions), of all threads of a profile; of a GPU's streams where there is one."""
     total: dict[str, float] = defaultdict(float)
-    for plane in profile.planes:
+    count = 0
+    planes = list(profile.planes)
+    for plane in [plane for plane in planes if "/device:GPU" in plane.name] or planes:
         for line in plane.lines:
-            events = [Event(event.name, event.start_ns, event.duration_ns) for event in line.events]
+            events = [Event(_instruction(event), event.start_ns, event.duration_ns) for event in line.events]
+            count += sum(stages.get(event.name, LOOPS) != LOOPS for event in events)
             for stage, time in own_times(events, stages).items():
                 total[stage] += time
-    return total
+    return total, count
+
+
+def _instruction(event: Any) -> str:
+    """Name of the instruction that an event is. A GPU's kernel tells whose it is, unless it runs as part of a graph;
+    then its own name is the instruction's, with other signs."""
+    own = next((str(value) for key, value in event.stats if key == "hlo_op"), event.name)
+    return event.name if own.startswith("command_buffer") else own

@@ -20,8 +20,8 @@ def show(lines: list[Line], figures: list[Figure], console: Console) -> None:
     if timed:
         console.print(_cases(timed))
         console.print(
-            "µs: wall time per character-frame, median (least to most). Cases on one device are confined to one core, "
-            "compiler included. Compile: with an empty cache (wall, processor), then with the program in the cache."
+            "µs: wall time per character-frame, median (least to most). Cases on one processor are confined to one "
+            "core, compiler included. Compile: with an empty cache (wall, processor), then with it in the cache."
         )
         if any(busy(line) for line in timed):
             console.print(
@@ -29,12 +29,13 @@ def show(lines: list[Line], figures: list[Figure], console: Console) -> None:
             )
     if any(line.get("stage_share") for line in timed):
         console.print(_stages(timed))
-    console.print(_figures(figures))
+    if figures:
+        console.print(_figures(figures))
 
 
 def busy(line: Line) -> bool:
     """Whether something else had the cores of a measurement."""
-    return line["us"] * line["devices"] > BUSY * line["us_cpu"]
+    return bool(line["pinned_cores"]) and line["us"] * line["devices"] > BUSY * line["us_cpu"]
 
 
 def _cases(lines: list[Line]) -> Table:
@@ -55,17 +56,24 @@ def _cases(lines: list[Line]) -> Table:
     for line in lines:
         table.add_row(
             line["case"] + (" *" if busy(line) else ""),
-            f"{line['us']:.2f}",
-            f"{line['us_min']:.2f} to {line['us_max']:.2f}",
+            f"{line['us']:#.3g}",
+            f"{line['us_min']:#.3g} to {line['us_max']:#.3g}",
             f"{line['us_cpu']:.2f}",
             f"{line['trace_s']:.1f}",
             f"{line['compile_cold_s']:.1f}",
             f"{line['compile_cpu_s']:.1f}",
-            f"{line['compile_warm_s']:.1f}" if line["cache_used"] else "missed",
+            _cached(line),
             f"{line['temp_bytes_per_character']:.0f}" if "temp_bytes_per_character" in line else "",
-            f"{line['peak_rss_bytes'] / 1e6:.0f}",
+            f"{line.get('peak_device_bytes', line['peak_rss_bytes']) / 1e6:.0f}",
         )
     return table
+
+
+def _cached(line: Line) -> str:
+    """Seconds of the second compile."""
+    if "compile_warm_s" not in line:
+        return ""
+    return f"{line['compile_warm_s']:.1f}" if line["cache_used"] else "missed"
 
 
 def _stages(lines: list[Line]) -> Table:
@@ -80,7 +88,7 @@ def _stages(lines: list[Line]) -> Table:
         share = line["stage_share"]
         table.add_row(
             line["case"],
-            *(f"{share[name] * line['us']:.2f} {100 * share[name]:2.0f}%" if name in share else "" for name in names),
+            *(f"{share[name] * line['us']:#.2g} {100 * share[name]:2.0f}%" if name in share else "" for name in names),
         )
     return table
 

@@ -15,7 +15,7 @@ from crowd.ground import Ground
 from crowd.ground_layer import Layer
 from crowd.herd_assets import extent, herd_assets, herd_layout
 from crowd.initial import initial_state
-from crowd.layout import TILE, GroundLayout, Layout
+from crowd.layout import TILE, WIDE, GroundLayout, Layout
 from crowd.params import Character, Control, Events, Params, Showers, StyleEvents
 from crowd.scenario_control import turn_rate
 from crowd.scenario_herd import Event
@@ -46,9 +46,15 @@ KEYS = dict(
 )
 
 
-def build(scene: Scene, devices: int = 1, walls: bool = True, tile: int = TILE) -> Program:
-    """The program of a scene. Characters are padded to whole tiles, tiles to a multiple of `devices`."""
-    layout = _layout(scene, walls)
+def build(scene: Scene, devices: int = 1, walls: bool | None = None, tile: int | None = None) -> Program:
+    """The program of a scene. Characters are padded to whole tiles, tiles to a multiple of `devices`.
+
+    walls, tile: left out, what suits the devices. Processors want tiles of `TILE` characters behind walls; on other
+    devices kernels are better large: no walls, and one tile on each, as wide as its share of the herd.
+    """
+    small = jax.default_backend() == "cpu"
+    tile = tile or (TILE if small else WIDE)
+    layout = _layout(scene, small if walls is None else walls)
     assets = Assets(tuple(herd_assets(herd) for herd in scene.herds), ground_world(scene.terrain), water_assets(scene))
     params = Params(
         fluids=fluids(scene),
@@ -74,9 +80,11 @@ def _state(scene: Scene, herd: HerdScene, layout: Layout, devices: int, tile: in
 
 
 def tiled(values: np.ndarray, devices: int, tile: int) -> np.ndarray:
-    """[..., n] to [tiles, ..., tile]; the padding repeats the first character."""
+    """[..., n] to [tiles, ..., tile]; the padding repeats the first character. tile `WIDE`: one for each device."""
     values = np.asarray(values)
     count = values.shape[-1]
+    if tile == WIDE:
+        tile = TILE * -(-count // (TILE * devices))
     tiles = -(-count // tile)
     tiles = -(-tiles // devices) * devices
     index = np.concatenate([np.arange(count), np.zeros(tiles * tile - count, int)])

@@ -16,7 +16,8 @@ from kernels.terrain import Kind
 Gait = Literal["semi_procedural", "footsteps", "clip"]
 Faces = Literal["along", "heading", "point", "track"]
 
-TILE = 128  # characters per tile; see docs/architecture.md
+TILE = 128  # characters per tile on a CPU; see docs/architecture.md
+WIDE = 0  # instead of a width: as many whole times TILE as hold a device's share of the herd
 
 
 @dataclass(frozen=True)

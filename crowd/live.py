@@ -17,7 +17,7 @@ import numpy as np
 
 from crowd.build import build, tiled
 from crowd.errors import fail, nearest
-from crowd.layout import TILE, Layout
+from crowd.layout import Layout
 from crowd.scene import HerdScene, Scene
 from crowd.simulate import compiled
 from crowd.state import State
@@ -166,7 +166,7 @@ class Stepper:
         looks = ~self._faced[which] & ((faces == "point") | ((faces == "track") & guided))
         now["follows"] = np.where(free, follows, now["follows"])
         now["looks"] = np.where(free, looks, now["looks"])
-        tiles = {name: tiled(values, 1, TILE) for name, values in now.items()}
+        tiles = {name: tiled(values, 1, state.phase.shape[-1]) for name, values in now.items()}
         return dataclasses.replace(state, **jax.device_put(tiles, self._device))
 
     def _checked(self, state: Sequence[Any]) -> tuple[Any, ...]:

@@ -9,7 +9,7 @@ import pytest
 import typer
 
 import crowd
-from benchmarks.cases import CASES, QUICK, Case, scenario
+from benchmarks.cases import CASES, GPU_CASES, QUICK, Case, scenario
 from benchmarks.figures import alone_name, figures
 from benchmarks.measure import Job, frames_for
 from benchmarks.run import chosen, main, run_case
@@ -62,8 +62,8 @@ def test_job_survives_the_command_line() -> None:
         assert Job.read(job.text()) == job
 
 
-def test_few_characters_run_longer() -> None:
-    assert frames_for(16384) == frames_for(2048) == 60 < frames_for(64)
+def test_the_fewer_characters_the_longer_the_run() -> None:
+    assert frames_for(102400) < frames_for(16384) == frames_for(2048) == 60 < frames_for(64)
 
 
 @pytest.mark.parametrize(
@@ -79,6 +79,10 @@ def test_few_characters_run_longer() -> None:
         ("jit(rollout)/while/body/closed_call/while/body/while", LOOPS),
         ("jit(rollout)/shard_map/while/body/closed_call/while/body/while/body/dynamic_slice", LOOPS),
         ("", LOOPS),
+        (f"{STEP.replace('closed_call', 'eval_jaxpr')}/skin/cond/branch_1_fun/mul", "skin"),
+        ("jit(rollout)/while/body/eval_jaxpr/while/body/vmap(body)/mul", "body"),
+        ("jit(rollout)/while/body/eval_jaxpr/while/body/vmap(skin)/vmap(drag)/jit(_where)/select_n", "drag"),
+        ("jit(rollout)/while/body/eval_jaxpr/while/body/dynamic_slice", LOOPS),
     ],
 )
 def test_stage_of(path: str, stage: str) -> None:
@@ -93,7 +97,8 @@ def test_instruction_stages_reads_compiled_text() -> None:
   ROOT %cond.12.clone = (f32[3]{{0}}) conditional(%p, %x, %y), metadata={{op_name="{STEP}/feet/cond"}}
   %copy.3 = f32[3]{{0}} copy(%z)
 """
-    assert instruction_stages(text) == {"add.1": "gait", "cond.12.clone": "feet"}
+    kernels = {"add_1": "gait", "cond_12_clone": "feet"}
+    assert instruction_stages(text) == {"add.1": "gait", "cond.12.clone": "feet"} | kernels
 
 
 def test_own_times_add_up() -> None:
@@ -155,7 +160,7 @@ def test_mixed_mean_is_weighted_with_characters() -> None:
 def test_unknown_case_is_refused_with_the_nearest() -> None:
     with pytest.raises(typer.BadParameter, match="did you mean 'human-dry-2048'"):
         chosen(["human-dri-2048"], quick=False)
-    assert chosen([], quick=False) == list(CASES)
+    assert chosen([], quick=False) == list(CASES) and chosen([], False, "gpu") == list(GPU_CASES)
     assert [case.name for case in chosen(["dog-rigid-2048"], quick=False)] == ["dog-rigid-2048"]
 
 
@@ -171,7 +176,7 @@ def test_a_run_that_ends_early_is_told(tmp_path: Path) -> None:
 
 def test_tiny_case_from_end_to_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tiny = Case("tiny", (("human", 4),), water=False)
-    monkeypatch.setattr("benchmarks.run.chosen", lambda names, quick: [tiny])
+    monkeypatch.setattr("benchmarks.run.chosen", lambda names, quick, platform: [tiny])
     out = tmp_path / "results" / "lines.jsonl"
     main(out=out, runs=2, frames=3, start=False)
     (line,) = [json.loads(text) for text in out.read_text().splitlines()]
