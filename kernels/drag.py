@@ -23,6 +23,7 @@ from jaxtyping import Array, Float
 
 from kernels import quat
 from kernels.fluid import FADE_SPEED, REFERENCE_AREA, STILL_SPEED
+from kernels.totals import total_of
 from kernels.vec import TINY, cross
 from kernels.wall import Wall, no_wall
 
@@ -140,9 +141,8 @@ def skinned(
 
     def sums(factor: Array, magnitude: Array, slip: tuple, centre: tuple, weight: tuple) -> Array:
         wet = weight[0] + weight[1] + weight[2]
-        force = [-(factor * s).sum(0) for s in slip]
-        moment = [(magnitude * c).sum(0) for c in centre]
-        return jnp.stack([*force, (magnitude * wet).sum(0), *moment, (factor * wet).sum(0)])
+        force = [-factor * s for s in slip]
+        return total_of(0, [*force, magnitude * wet, *(magnitude * c for c in centre), factor * wet], wall)
 
     def group(total: Array, corner: Array) -> tuple[Array, None]:
         weight = wall(weights, corner, vertices, *levels)
@@ -270,13 +270,23 @@ def rigid(
         slope = s[0] * (square * scale)
         return jnp.concatenate([quat.rotate(transforms[:4], force), magnitude[None], moment, slope[None]])
 
+    def moments_together(factor: Array, magnitude: Array) -> tuple[Array, Array]:
+        """Both `moments` in one pass over the triangles."""
+        rows = [mesh.moments[:, k].reshape(*factor.shape[:2], *(1,) * (factor.ndim - 2)) for k in range(4)]
+        both = total_of(1, [row * each for each in (factor, magnitude) for row in rows], wall)
+        return both[:4], both[4:]
+
     fluid = fluid._replace(surface=jnp.maximum(fluid.surface, DRY))
     carried_bones = wall(carried, transforms, velocity, scale, *_levels(fluid.surface, floor))
     bone = wall(lambda carried: carried[:, bones], carried_bones)
     wet = wall(shares, bone)
     factor = wall(factors, bone, wet, fluid, scale)
     magnitude = wall(magnitudes, factor, bone)
-    s, m = wall(moments, factor), wall(moments, magnitude)
-    blocks = wall(assembled, s, m, bone, transforms[:, bones], scale)
-    total = wall(lambda blocks: blocks.sum(1), blocks)
+    if wall is no_wall:
+        s, m = moments_together(factor, magnitude)
+        total = total_of(0, tuple(assembled(s, m, bone, transforms[:, bones], scale)))
+    else:
+        s, m = wall(moments, factor), wall(moments, magnitude)
+        blocks = wall(assembled, s, m, bone, transforms[:, bones], scale)
+        total = wall(lambda blocks: blocks.sum(1), blocks)
     return Drag(total[:3], total[3], total[4:7], total[7])
