@@ -62,6 +62,8 @@ def measure(job: Job) -> dict[str, Any]:
     if job.platform == "cpu":
         jax.config.update("jax_platforms", "cpu")
         jax.config.update("jax_num_cpu_devices", job.case.devices)
+    elif jax.default_backend() == "cpu":
+        raise SystemExit("JAX finds no GPU here: it needs a plug-in of its own (jax[cuda13]) and a driver")
     compile_cache.enable()
     frames = job.frames or frames_for(job.case.count)
     program, line = _compiled(job, frames)
