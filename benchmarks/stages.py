@@ -104,13 +104,22 @@ def sum_lines(profile: Any, stages: Mapping[str, str]) -> tuple[dict[str, float]
     total: dict[str, float] = defaultdict(float)
     count = 0
     planes = list(profile.planes)
-    for plane in [plane for plane in planes if "/device:GPU" in plane.name] or planes:
+    streams = [plane for plane in planes if "/device:GPU" in plane.name]
+    for plane in streams or planes:
         for line in plane.lines:
             events = [Event(_instruction(event), event.start_ns, event.duration_ns) for event in line.events]
             count += sum(stages.get(event.name, LOOPS) != LOOPS for event in events)
-            for stage, time in own_times(events, stages).items():
+            for stage, time in (_kernel_times if streams else own_times)(events, stages).items():
                 total[stage] += time
     return total, count
+
+
+def _kernel_times(events: Iterable[Event], stages: Mapping[str, str]) -> dict[str, float]:
+    """ns by stage on a GPU's stream: kernels may overlap, none is inside another; copies belong to the loops."""
+    total: dict[str, float] = defaultdict(float)
+    for event in events:
+        total[stages.get(event.name, LOOPS)] += event.duration
+    return total
 
 
 def _instruction(event: Any) -> str:
