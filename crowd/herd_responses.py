@@ -123,6 +123,7 @@ def remembered(herd: HerdScene) -> Responded:
     return Responded(
         gear=_host(np.zeros(count, np.int32)) if there else None,
         width=_host(np.zeros(count)) if there else None,
+        rested=_host(np.zeros(count)) if there else None,
         raised=_host(np.zeros((len(herd.archetype.arms), count))) if "arms" in names else None,
     )
 

@@ -119,7 +119,7 @@ class Transitions:
     stop_below: Array  # [n] m/s
     hysteresis: Array  # [n] share above them
     react_time: Array  # [n] s
-    rest_time: Array  # [n] s
+    rest_time: Array  # [n] s, after which one tries again
     height: Array  # [n] m: deeper fluid than this drags no more
 
 

@@ -54,7 +54,11 @@ HERD: dict[str, Column] = {
     "over_reach": Column(LEG, "m", "how far the foot handle is out of the leg's reach"),
     "apparent_weight": Column(CHARACTER, "1", "share of the weight that the feet carry", asked="buoyancy"),
     "gear": Column(
-        CHARACTER, "1", "what fluid leaves: 0 as asked for, 1 walking, 2 resting", np.int8, asked="transitions"
+        CHARACTER,
+        "1",
+        "what fluid leaves: 0 as asked for, 1 walking instead of more, 2 resting",
+        np.int8,
+        asked="transitions",
     ),
     "pose_position": Column(VECTOR, "m", "frame the skeleton hangs from, world", optional=True),
     "pose_orientation": Column(

@@ -46,8 +46,8 @@ class Transitions(Model):
     """Share above these speeds at which jogging and walking are taken up again."""
     react_s: Delay = 1.0
     """Time constant with which the resistance is felt."""
-    rest_s: Seconds = 8.0
-    """Time constant with which it is forgotten by who rests, until one tries again; large: who stopped stays."""
+    rest_s: Seconds = 6.0
+    """How long one rests before trying again where nothing has changed; large: who stopped stays."""
 
 
 class ArmResponse(Model):

@@ -69,6 +69,7 @@ class Responded:
 
     gear: Array | None = None  # [n] int32, kernels.effort: as asked for, walking, resting
     width: Array | None = None  # [n] m that fluid seems to drag on, low-passed
+    rested: Array | None = None  # [n] s, of the present rest
     raised: Array | None = None  # [A, n] how far each arm is raised, 0 to 1
 
 

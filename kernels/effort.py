@@ -14,6 +14,7 @@ from kernels.fluid import REFERENCE_AREA
 from kernels.vec import TINY
 
 FREE, WALKS, RESTS = 0, 1, 2
+FASTER = 1.05  # than a walk: a speed asked for that is a jog
 HALF = 0.5  # of the speed asked for: a walk slower than this ends, too, however slow was asked for
 
 
@@ -48,16 +49,18 @@ def gear(
     jog: Float[Array, "*b"],
     walk: Float[Array, "*b"],
     asked: Float[Array, "*b"],
+    walking: Float[Array, "*b"],
     walk_below: Float[Array, "*#b"],
     stop_below: Float[Array, "*#b"],
     hysteresis: Float[Array, "*#b"],
 ) -> Int[Array, "*b"]:
     """FREE, WALKS or RESTS after a frame.
 
-    jog, walk: speeds (m/s) attainable of what is asked for, and of walking as fast as is `asked` for. One falls below
-    a threshold, and rises above it times 1 + hysteresis: in between one stays as one is.
+    asked, walking: m/s, speed asked for, and usual speed of a walk; jog, walk: attainable of what is asked for, and of
+    the slower of both. One falls below a threshold, and rises above it times 1 + hysteresis: in between one stays as
+    one is. Who asks for no more than a walk is FREE, or RESTS.
     """
-    stop = jnp.minimum(stop_below, HALF * asked)
+    stop = jnp.minimum(stop_below, HALF * jnp.minimum(asked, walking))
     rests = walk < stop * jnp.where(before == RESTS, 1.0 + hysteresis, 1.0)
-    walks = jog < walk_below * jnp.where(before >= WALKS, 1.0 + hysteresis, 1.0)
+    walks = (asked > FASTER * walking) & (jog < walk_below * jnp.where(before >= WALKS, 1.0 + hysteresis, 1.0))
     return jnp.where(rests, RESTS, jnp.where(walks, WALKS, FREE)).astype(before.dtype)

@@ -16,28 +16,29 @@ from kernels import controllers, effort
 from kernels.fluid import REFERENCE_AREA
 from kernels.vec import TINY
 
-SHALLOW = 0.05  # of the body's height: fluid less deep than this tells nothing of how wide one is
+SHALLOW = 0.1  # of the body's height: fluid less deep than this tells nothing of how wide one is
 SLOW = 0.1  # of the height per second: nor does moving less fast than this through it
 WIDEST = 1.5  # of the height: more is an impact, not a width
 
 
 def responded(dt: float, assets: HerdAssets, character: Character, state: State, place: Surroundings) -> State:
-    """The state with the width felt and the gear after the frame, from the drag of the frame before."""
+    """The state with width, gear and time of rest after the frame, from the drag of the frame before."""
     own, past = character.responses.transitions, state.responded
-    assert own is not None and past.width is not None and past.gear is not None
+    assert own is not None and past.width is not None and past.gear is not None and past.rested is not None
     depth = jnp.clip(place.fluid.surface - place.ground, 0.0, own.height)
     x, z = state.velocity[0] - place.fluid.flow[0], state.velocity[1] - place.fluid.flow[2]
     speed = jnp.sqrt(x * x + z * z + TINY)
     resistance = -(state.force[0] * x + state.force[2] * z) / speed
     felt = effort.pressure(speed, place.fluid.density_drag, place.fluid.offset_force) * depth
-    tells = (depth > SHALLOW * own.height) & (speed > SLOW * own.height) & (past.gear != effort.RESTS)
+    rests = past.gear == effort.RESTS
+    tells = (depth > SHALLOW * own.height) & (speed > SLOW * own.height) & ~rests
     now = jnp.clip(resistance / jnp.where(tells, felt, 1.0), 0.0, WIDEST * own.height)
-    forgotten = jnp.where(past.gear == effort.RESTS, controllers.low_pass(dt, own.rest_time), 0.0)
-    width = jnp.where(
-        tells, past.width + (now - past.width) * controllers.low_pass(dt, own.react_time), past.width * (1 - forgotten)
-    )
-    gear = _gear(assets, character, dataclasses.replace(past, width=width), state, place, depth)
-    return dataclasses.replace(state, responded=dataclasses.replace(past, width=width, gear=gear))
+    rested = jnp.where(rests, past.rested + dt, 0.0)
+    width = past.width + jnp.where(tells, (now - past.width) * controllers.low_pass(dt, own.react_time), 0.0)
+    width = jnp.where(rested > own.rest_time, 0.0, width)  # who has rested tries as if nothing had been felt
+    past = dataclasses.replace(past, width=width, rested=rested)
+    gear = _gear(assets, character, past, state, place, depth)
+    return dataclasses.replace(state, responded=dataclasses.replace(past, gear=gear))
 
 
 def _gear(
@@ -49,14 +50,15 @@ def _gear(
     x, z = state.desired
     asked = jnp.sqrt(x * x + z * z + TINY)
     asked = asked * load.slowed(character, asked)
-    walk = jnp.minimum(asked, walking(assets, character))
+    walks = walking(assets, character)
     towards = -(place.fluid.flow[0] * x + place.fluid.flow[2] * z) / jnp.sqrt(x * x + z * z + TINY)
     area = past.width * depth
     quadratic, offset = area * place.fluid.density_drag, area * place.fluid.offset_force / REFERENCE_AREA
     jogged, walked = (
-        effort.attainable(speed, towards, quadratic, offset, character.gain_forward) for speed in (asked, walk)
+        effort.attainable(speed, towards, quadratic, offset, character.gain_forward)
+        for speed in (asked, jnp.minimum(asked, walks))
     )
-    return effort.gear(past.gear, jogged, walked, walk, own.walk_below, own.stop_below, own.hysteresis)
+    return effort.gear(past.gear, jogged, walked, asked, walks, own.walk_below, own.stop_below, own.hysteresis)
 
 
 def walking(assets: HerdAssets, character: Character) -> Array:
