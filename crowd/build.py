@@ -14,6 +14,7 @@ from crowd.fluid_build import f32, fluid_layout, fluids
 from crowd.ground import Ground
 from crowd.ground_layer import Layer
 from crowd.herd_assets import extent, herd_assets, herd_layout
+from crowd.herd_responses import load_events, remembered, responses, short_arms
 from crowd.initial import initial_state
 from crowd.layout import TILE, WIDE, GroundLayout, Layout
 from crowd.params import Character, Control, Events, Params, Showers, StyleEvents
@@ -63,7 +64,7 @@ def build(scene: Scene, devices: int = 1, walls: bool | None = None, tile: int |
         strides=tuple(stride_control(herd, layout.compat) for herd in scene.herds)
         if layout.gait == "semi_procedural"
         else (),
-        characters=tuple(Character(**_tiled(_character(scene, herd), devices, tile)) for herd in scene.herds),
+        characters=tuple(_characters(scene, herd, devices, tile) for herd in scene.herds),
         styles=tuple(_styles(scene, herd) for herd in scene.herds),
         water=water_params(scene),
     )
@@ -72,11 +73,18 @@ def build(scene: Scene, devices: int = 1, walls: bool | None = None, tile: int |
     return layout, assets, params, states
 
 
+def _characters(scene: Scene, herd: HerdScene, devices: int, tile: int) -> Character:
+    size = herd.scale * extent(herd) / PERSON_SIZE
+    own = jax.tree.map(lambda values: tiled(values, devices, tile), responses(scene, herd, size))
+    return Character(**_tiled(_character(scene, herd), devices, tile), responses=own)
+
+
 def _state(scene: Scene, herd: HerdScene, layout: Layout, devices: int, tile: int) -> State:
     fields = initial_state(scene, herd, layout)
     gait = _tiled(fields.pop("gait"), devices, tile)
     kind = Strides if layout.gait == "semi_procedural" else Footsteps
-    return State(gait=kind(**gait), **_tiled(fields, devices, tile))
+    responded = jax.tree.map(lambda values: tiled(values, devices, tile), remembered(herd))
+    return State(gait=kind(**gait), **_tiled(fields, devices, tile), responded=responded)
 
 
 def tiled(values: np.ndarray, devices: int, tile: int) -> np.ndarray:
@@ -104,6 +112,7 @@ def _layout(scene: Scene, walls: bool) -> Layout:
     names = ["slope"] if any(layer.kind not in ("flat", "steps") for layer in scene.terrain.layers) else []
     names += ["impulse"] if impulses else []
     names += ["rain"] if any(event.rain for event in scenario.events) else []
+    names += ["load"] if any(herd.model.load for herd in scene.herds) else []
     names += ["drag"] if scenario.world.fluids else []
     return Layout(
         herds=tuple(herd_layout(herd) for herd in scene.herds),
@@ -118,7 +127,9 @@ def _layout(scene: Scene, walls: bool) -> Layout:
         mesh=scenario.drag.mesh,
         submersion=scenario.drag.submersion,
         offset_mode=scenario.drag.b_mode,
-        arms_up=tuple(herd.model.arms_up for herd in scene.herds),
+        arms_up=tuple(
+            herd.model.arms_up and not (herd.model.responses.arms and short_arms(herd)) for herd in scene.herds
+        ),
         forces=tuple(names),
         record_pose=scenario.record.pose,
         record_every=scenario.rate_hz // scenario.record.rate_hz,
@@ -200,6 +211,7 @@ def _events(scene: Scene) -> Events:
         turn_faces=f32(np.array([event.facing_deg is not None for event in turns])),
         turn_facing=f32(np.radians([event.facing_deg or 0.0 for event in turns])),
         rain=_rain(scene),
+        loads=load_events(scene),
     )
 
 

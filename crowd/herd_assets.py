@@ -10,6 +10,7 @@ import numpy as np
 from crowd import posing
 from crowd.analysis.gait import Gait, feet
 from crowd.assets import HerdAssets
+from crowd.herd_responses import chosen_responses
 from crowd.layout import Faces, HerdLayout
 from crowd.resampling import resample, resample_rotation
 from crowd.scenario_control import Facing, turn_rate
@@ -61,6 +62,7 @@ def herd_layout(herd: HerdScene) -> HerdLayout:
         track=herd.track is not None,
         limits=herd.model.limits.acceleration_m_s2 is not None or herd.model.limits.deceleration_m_s2 is not None,
         faces=_faces(herd),
+        responses=chosen_responses(herd),
     )
 
 

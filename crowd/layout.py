@@ -62,6 +62,7 @@ class HerdLayout:
     track: bool  # trajectories to follow
     limits: bool  # of acceleration; otherwise what is asked for is commanded at once
     faces: Faces  # where characters look when no event says otherwise
+    responses: tuple[str, ...] = ()  # fields of `crowd.params.Responses` that this herd has
 
     @property
     def joints(self) -> int:

@@ -98,6 +98,53 @@ class StrideControl:
 
 
 @pytree
+class Load:
+    """What a character carries; see `kernels.carrying`. In the axes of the trunk, from the middle of the hips."""
+
+    mass: Array  # [n] kg; in a frame, after `crowd.components.load.laden`: as much of it as is carried then
+    ahead: Array  # [n] m
+    above: Array  # [n] m
+    trunk: Array  # [n] kg m, mass above the hips times its middle's height over them
+    balances: Array  # [n] 1: leans so that all stands over the hips, on two legs; 0: on more the legs hold it
+    size: Array  # [n] over a person's
+    starts: Array  # [n] 1 where it is carried from the start
+    event: Array  # [E, n] 1 where an event of `Events.loads` meets the character
+
+
+@pytree
+class Transitions:
+    """When resistance ends a jog or a walk; see `kernels.effort`. Speeds at the character's size."""
+
+    walk_below: Array  # [n] m/s
+    stop_below: Array  # [n] m/s
+    hysteresis: Array  # [n] share above them
+    react_time: Array  # [n] s
+    rest_time: Array  # [n] s, after which one tries again
+    height: Array  # [n] m: deeper fluid than this drags no more
+
+
+@pytree
+class ArmResponse:
+    """When and how far arms are raised; see `kernels.arm_limits`."""
+
+    band: Array  # [n] m, of depth, between going up and coming down
+    time: Array  # [n] s
+    cos_bent: Array  # [n] cosine of the elbow's angle when bent most
+    cos_stretched: Array  # [n] when stretched most
+    tan_back: Array  # [n] of the angle behind the plane of the shoulders
+
+
+@pytree
+class Responses:
+    """How bodies respond beyond what all do; what a herd does not have is None."""
+
+    load: Load | None = None
+    transitions: Transitions | None = None
+    arms: ArmResponse | None = None
+    reaction: Array | None = None  # [n] s, in place of the usual low-pass of the speed that steps follow
+
+
+@pytree
 class Character:
     """Per character: trailing axis n, in tiles."""
 
@@ -125,6 +172,7 @@ class Character:
     number: Array | None = None  # [n] int32 of its own, for random numbers; where it rains impulses
     rain: Array | None = None  # [K, n] 1 where a rain meets the character
     displaced: Array | None = None  # [n] kg, body density times the volume of its mesh: for buoyancy
+    responses: Responses = Responses()
 
 
 @pytree
@@ -135,6 +183,14 @@ class Showers:
     span: Array  # [2, K] int32, frames from and to
     rate: Array  # [K] 1/s
     size: Array  # [K] N s
+
+
+@pytree
+class Loads:
+    """E times at which loads are picked up or put down, in their order."""
+
+    frame: Array  # [E] int32
+    carried: Array  # [E] 1 from then on, or 0
 
 
 @pytree
@@ -150,6 +206,7 @@ class Events:
     turn_faces: Array  # [E] 1: the event says where to face
     turn_facing: Array  # [E] rad, where
     rain: Showers | None = None
+    loads: Loads | None = None
 
 
 @pytree

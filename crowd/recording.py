@@ -135,8 +135,8 @@ class Recorder:
     def _herd_columns(self, herd: HerdLike) -> dict[str, Column]:
         strides = bool(motions_of(herd))
         kept = {name: column for name, column in HERD.items() if self.pose or not column.optional}
-        floats = _floats(self.scene)
-        kept = {name: column for name, column in kept.items() if floats or not column.buoyancy}
+        asked = _asked(self.scene, herd)
+        kept = {name: column for name, column in kept.items() if not column.asked or column.asked in asked}
         return {name: column for name, column in kept.items() if strides or not column.strides}
 
     def _create(self, frames: int) -> None:
@@ -342,7 +342,9 @@ def _write_herd(group: zarr.Group, herd: HerdLike, first: int) -> None:
     _fixed(group, "inverse_bind", mesh.inverse_bind, ("joint", "row", "column"), "1", "bind pose to joint frame")
 
 
-def _floats(scene: SceneLike) -> bool:
-    """Whether the weight on the feet is recorded."""
-    scenario = getattr(scene, "scenario", None)
-    return scenario is not None and scenario.world.buoyancy and bool(scenario.world.fluids)
+def _asked(scene: SceneLike, herd: HerdLike) -> set[str]:
+    """What of the arrays that a scenario has to ask for it asks for."""
+    scenario, model = getattr(scene, "scenario", None), getattr(herd, "model", None)
+    floats = scenario is not None and scenario.world.buoyancy and bool(scenario.world.fluids)
+    changes = model is not None and model.responses.transitions is not None
+    return {name for name, there in (("buoyancy", floats), ("transitions", changes)) if there}

@@ -17,7 +17,7 @@ class Column:
     dtype: type = np.float32
     optional: bool = False  # left out when the recording does without poses
     strides: bool = False  # of the semi-procedural gait only
-    buoyancy: bool = False  # where the scenario asks for it only
+    asked: str = ""  # only where the scenario asks for this: "buoyancy", or a herd's "transitions"
 
 
 SIZES = {"component": 3, "quaternion": 4}
@@ -52,7 +52,14 @@ HERD: dict[str, Column] = {
     "ball": Column(LEG_VECTOR, "m", "contact point of the foot after inverse kinematics, world"),
     "ankle": Column(LEG_VECTOR, "m", "ankle after inverse kinematics, world"),
     "over_reach": Column(LEG, "m", "how far the foot handle is out of the leg's reach"),
-    "apparent_weight": Column(CHARACTER, "1", "share of the weight that the feet carry", buoyancy=True),
+    "apparent_weight": Column(CHARACTER, "1", "share of the weight that the feet carry", asked="buoyancy"),
+    "gear": Column(
+        CHARACTER,
+        "1",
+        "what fluid leaves: 0 as asked for, 1 walking instead of more, 2 resting",
+        np.int8,
+        asked="transitions",
+    ),
     "pose_position": Column(VECTOR, "m", "frame the skeleton hangs from, world", optional=True),
     "pose_orientation": Column(
         ("character", "quaternion"), "1", "rotation of the skeleton's frame to world, wxyz", optional=True

@@ -29,6 +29,7 @@ from crowd.scenario_herd import (
     PoissonDisc,
     Uniform,
 )
+from crowd.scenario_responses import response_problems
 from crowd.scenario_styles import style_checks
 from crowd.scenario_types import Model
 from crowd.scenario_water import Water, water_problems
@@ -65,6 +66,7 @@ def cross_checks(document: Document, data: dict[str, Any], table: FluidTable | N
     problems = [Problem(document.where(path), text) for check in checks for path, text in check(parts, data)]
     problems += [Problem(document.where(path), text) for path, text in _files(parts, data, folder)]
     problems += [Problem(document.where(path), text) for path, text in style_checks(parts.herds, parts.events)]
+    problems += [Problem(document.where(path), text) for path, text in response_problems(parts.herds, parts.events)]
     problems += [Problem(document.where(path), text) for path, text in control(parts.herds, parts.events, folder)]
     problems += [
         Problem(document.where(path), text) for path, text in fluid_problems(parts.regions, table, _buoyant(data))

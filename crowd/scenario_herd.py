@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from crowd.scenario_control import Distance, Facing, Limits, Route, Trajectories, Waypoints
+from crowd.scenario_responses import Load, Responses
 from crowd.scenario_styles import NORMAL, ClipName, Styles
 from crowd.scenario_types import Flag, Model, Name, NotNegative, Number, Point, Positive
 
@@ -201,6 +202,9 @@ class Herd(Model):
     """Mass over volume, for buoyancy; the mesh counts as that large. A person with air in the lungs: 980 to 1000."""
     arms_up: Flag = True
     """Arms are kept above the surface in deep fluid."""
+    load: Load | None = None
+    """Something to carry."""
+    responses: Responses = Responses()
 
 
 class Rain(Model):
@@ -217,7 +221,9 @@ class Rain(Model):
 class Event(Model):
     """Something that happens at a time to chosen characters."""
 
-    exactly_one: ClassVar[tuple[str, ...]] = ("impulse_n_s", "velocity_m_s", "stop", "style", "clip", "rain")
+    exactly_one: ClassVar[tuple[str, ...]] = (
+        "impulse_n_s", "velocity_m_s", "stop", "style", "clip", "rain", "load",
+    )  # fmt: skip
 
     at_s: NotNegative
     herds: Annotated[tuple[Name, ...], Field(min_length=1)] | None = None
@@ -233,6 +239,8 @@ class Event(Model):
     """Clip to play over the walking or standing, then back; with `herds` left out: by the herds that have it."""
     rain: Rain | None = None
     """Random impulses from then on."""
+    load: Literal["pick_up", "put_down"] | None = None
+    """Herds with a load carry it from then on, or no more."""
     fade_s: NotNegative | None = None
     """Cross-fade to the style (left out: 0.3) or to the clip and back (0.1)."""
     hold_s: Positive | None = None
@@ -252,7 +260,7 @@ class Event(Model):
     @property
     def moves(self) -> bool:
         """Whether it is one impulse, or a velocity to go at from then on."""
-        return not self.plays and self.rain is None
+        return not self.plays and self.rain is None and self.load is None
 
     @property
     def turn(self) -> tuple[float, float] | None:

@@ -64,6 +64,16 @@ class Strides:
 
 
 @pytree
+class Responded:
+    """What responses remember; None for those that a herd does not have. A arms."""
+
+    gear: Array | None = None  # [n] int32, kernels.effort: as asked for, walking, resting
+    width: Array | None = None  # [n] m that fluid seems to drag on, low-passed
+    rested: Array | None = None  # [n] s, of the present rest
+    raised: Array | None = None  # [A, n] how far each arm is raised, 0 to 1
+
+
+@pytree
 class State:
     """A character. V vertices (skinned drag) or J joints (rigid drag)."""
 
@@ -90,6 +100,7 @@ class State:
     drag_slope: Array  # [3, n] N s/m, N m s, N m s: how drag falls as velocity, yaw and pitch rate yield to it
     previous: Array  # [3, V, n] or [7, J, n]: vertices or transforms, relative to the position
     fault: Array  # [n] int32
+    responded: Responded = Responded()
 
 
 @pytree

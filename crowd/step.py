@@ -13,10 +13,12 @@ from crowd.components import (
     alignment,
     arms,
     body,
+    effort,
     feet,
     footsteps,
     forces,
     limbs,
+    load,
     pose,
     record,
     sense,
@@ -51,13 +53,15 @@ def step(
 ) -> tuple[State, Frame]:
     """State and derived frame of a tile of herd number `which` after one frame.
 
-    sense -> steer -> forces -> body -> gait -> pose -> feet -> arms -> skin; every arrow is a wall.
+    sense -> (effort) -> steer -> forces -> body -> gait -> pose -> feet -> arms -> skin; every arrow is a wall.
     felt: a water surface whose waves are in the fluid.
     """
     herd = layout.herds[which]
     before, previous = state.position, state.previous
     # the mesh of the frame before is large and only the drag reads it: it does not travel through the walls
     state = dataclasses.replace(state, previous=())
+    if "load" in herd.responses:
+        character = wall(lambda c, s: load.laden(layout.dt, params.events, c, s.frame), character, state)
     with jax.named_scope("sense"):
         place = wall(
             lambda c, s: sense.sense(layout, world, params.fluids, s.position, s.yaw, assets.spread * c.scale, s.frame),
@@ -66,6 +70,9 @@ def step(
         )
         if felt is not None:
             place = wall(lambda p, s, f: water_surface.sensed(p, s.position, f, wall), place, state, felt)
+    if "transitions" in herd.responses:
+        with jax.named_scope("effort"):
+            state = wall(lambda c, s, p: effort.responded(layout.dt, assets, c, s, p), character, state, place)
     with jax.named_scope("steer"):
         state, course = steer.steer(layout, herd, assets, params, character, state, wall)
     with jax.named_scope("forces"):
@@ -84,14 +91,14 @@ def step(
     with jax.named_scope("arms"):
         hands = None
         if layout.regions and layout.arms_up[which] and herd.arms:
-            hands = arms.arms(herd, assets, params, character, state, hung.transforms, legs.shift, surface, wall)
+            state, hands = arms.arms(layout.dt, herd, assets, params, character, state, hung, legs.shift, surface, wall)
         transforms = limbs.bend(herd, hung.transforms, limbs.joined(legs.segments, hands), legs.shift, wall)
-    load = skin.dry(state)
+    dragged = skin.dry(state)
     if layout.regions:
         with jax.named_scope("skin"):
             moved = skin.mesh(layout, herd, assets, character, transforms, wall)
         with jax.named_scope("drag"):
-            state, load = skin.fluid_drag(
+            state, dragged = skin.fluid_drag(
                 layout,
                 params.fluids,
                 herd,
@@ -109,5 +116,5 @@ def step(
     with jax.named_scope("record"):
         rotation = record.joint_rotations(layout, herd, hung, transforms, wall)
         strided = record.strides(state, plan, legs, wall) if layout.gait == "semi_procedural" else None
-        frame = record.frame(layout, state, place, hung, legs, rotation, load, strided, wall)
+        frame = record.frame(layout, state, place, hung, legs, rotation, dragged, strided, wall)
     return dataclasses.replace(state, frame=state.frame + 1, previous=previous), frame

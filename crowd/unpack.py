@@ -24,6 +24,8 @@ def shown_state(state: State) -> dict[str, Array]:
     shown = {name: getattr(state, name) for name in names}
     if isinstance(state.gait, Strides):
         shown |= {f"gait_{name}": getattr(state.gait, name) for name in STRIDES}
+    if state.responded.gear is not None:
+        shown["gear"] = state.responded.gear
     return shown
 
 
@@ -56,6 +58,8 @@ def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Any, recorded: 
     )
     if frame.apparent_weight is not None:
         out["apparent_weight"] = frame.apparent_weight
+    if "gear" in slim:
+        out["gear"] = slim["gear"].astype(np.int8)
     if frame.strides is not None:
         out |= _strides(slim, frame.strides, layout.record_pose)
     if layout.record_pose:

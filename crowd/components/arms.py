@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -10,16 +11,18 @@ from jax import Array
 
 from crowd.assets import HerdAssets
 from crowd.components.feet import Segments, moved
+from crowd.components.pose import Hung
 from crowd.layout import HerdLayout
 from crowd.params import Character, Params
 from crowd.state import State
-from kernels import ik, quat
+from kernels import arm_limits, controllers, ik, quat
 from kernels.vec import TINY, dot, smoothstep, unit
 from kernels.wall import Wall
 
 FADE = 0.3  # of the arm's length: depth of the hand over which the response fades in
 ELBOW_UP = 0.3  # against 1 outward: which way a raised elbow points
 HAND = 0.25  # of the arm's length (shoulder to wrist): how far a hanging hand reaches below its wrist
+WHOLE = 4.0  # over this share of the response the clip's own arm gives way
 ASIDE = 0.65  # of the arm's length: how far hands move outward, so that forearms lie level
 
 
@@ -35,6 +38,41 @@ class _Goal(NamedTuple):
 
 
 def arms(
+    dt: float,
+    herd: HerdLayout,
+    assets: HerdAssets,
+    params: Params,
+    character: Character,
+    state: State,
+    hung: Hung,
+    shift: Array,
+    surface: Array,
+    wall: Wall,
+) -> tuple[State, Segments]:
+    """Upper arms, forearms and hands; the state remembers how far they are raised, where the herd asks for that.
+
+    surface [n]: relative to the character's position, -inf when dry (then nothing moves). The goal is the clip's hand
+    raised to the surface and a margin and moved aside; the elbow points outward and up. It fades in with the depth of
+    the hand or elbow, whichever is deeper; out of reach the arm points to the goal.
+
+    With `responses.arms` it fades in and out with play and a time constant, and the hand goes no further than shoulder
+    and elbow let it (`kernels.arm_limits`).
+    """
+    now = (character, state, hung.transforms, shift, surface)
+    if "arms" not in herd.responses:
+        goal = wall(lambda *now: _goal(herd, assets, params, *now), *now)
+    else:
+        raised = wall(lambda *now: _raised(dt, herd, assets, params, *now), *now)
+        state = dataclasses.replace(state, responded=dataclasses.replace(state.responded, raised=raised))
+        goal = wall(lambda raised, *now: _goal(herd, assets, params, *now, raised=raised), raised, *now)
+        goal = wall(lambda c, g, facing: _within(assets, c, g, facing), character, goal, hung.orientation)
+    bent = wall(_bent, goal)
+    turns = wall(_turns, goal, *bent)
+    return state, wall(_segments, goal, turns, shift)
+
+
+def _raised(
+    dt: float,
     herd: HerdLayout,
     assets: HerdAssets,
     params: Params,
@@ -43,18 +81,21 @@ def arms(
     transforms: Array,
     shift: Array,
     surface: Array,
-    wall: Wall,
-) -> Segments:
-    """Upper arms, forearms and hands.
+) -> Array:
+    """[A, n] how far arms are raised after the frame: with play of a band of depths, and slowly."""
+    own, before = character.responses.arms, state.responded.raised
+    assert own is not None and before is not None
+    size = assets.arm_length * character.scale
+    height = moved(transforms[4:], shift)[1]
+    lowest = jnp.minimum(*(height[np.array(joints)] for joints in (herd.elbows, herd.hands)))
+    below = jnp.maximum(surface, -1e3) + params.control.arm_margin + HAND * size - lowest
+    wanted = arm_limits.play(before, _response(below, size), _response(below + own.band, size))
+    return before + (wanted - before) * controllers.low_pass(dt, own.time)
 
-    surface [n]: relative to the character's position, -inf when dry (then nothing moves). The goal is the clip's hand
-    raised to the surface and a margin and moved aside; the elbow points outward and up. It fades in with the depth of
-    the hand or elbow, whichever is deeper; out of reach the arm points to the goal.
-    """
-    goal = wall(lambda *now: _goal(herd, assets, params, *now), character, state, transforms, shift, surface)
-    bent = wall(_bent, goal)
-    turns = wall(_turns, goal, *bent)
-    return wall(_segments, goal, turns, shift)
+
+def _response(below: Array, size: Array) -> Array:
+    """0 to 1 for an elbow or hand this far below where it is wanted."""
+    return smoothstep((below + 0.25 * FADE * size) / (FADE * size))
 
 
 def _goal(
@@ -66,13 +107,15 @@ def _goal(
     transforms: Array,
     shift: Array,
     surface: Array,
+    raised: Array | None = None,
 ) -> _Goal:
+    """What each arm is to do; raised [A, n]: how far, left out: as its depth says."""
     position = moved(transforms[4:], shift)
     shoulder, elbow, hand = (position[:, np.array(j)] for j in (herd.shoulders, herd.elbows, herd.hands))
     size = assets.arm_length * character.scale
     level = jnp.maximum(surface, -1e3) + params.control.arm_margin + HAND * size
     lowest = jnp.minimum(hand[1], elbow[1])
-    response = smoothstep((level - lowest + 0.25 * FADE * size) / (FADE * size))
+    response = _response(level - lowest, size) if raised is None else raised
     short = level - hand[1]
     rise = 0.5 * (short + jnp.sqrt(short * short + (0.1 * size) ** 2))
     outward = quat.rotate(quat.about_y(state.yaw)[:, None], assets.arm_outward)
@@ -80,9 +123,23 @@ def _goal(
     goal = goal.at[1].add(rise * response)
     upper, reach = elbow - shoulder, hand - shoulder
     bent = upper - dot(upper, reach) / (dot(reach, reach) + TINY) * reach
-    raised = outward.at[1].add(ELBOW_UP) * size
-    pole = bent + (raised - bent) * response + 0.02 * size * outward
+    aside = outward.at[1].add(ELBOW_UP) * size
+    pole = bent + (aside - bent) * response + 0.02 * size * outward
     return _Goal(shoulder, upper, hand - elbow, goal, pole, response)
+
+
+def _within(assets: HerdAssets, character: Character, goal: _Goal, facing: Array) -> _Goal:
+    """The goal with hands where shoulder and elbow let them go; facing [4, n]: orientation of the trunk."""
+    own = character.responses.arms
+    assert own is not None
+    upper, lower = (jnp.sqrt(dot(bone, bone) + TINY) for bone in (goal.upper, goal.lower))
+    side = jnp.where(assets.arm_outward[0] < 0, -1.0, 1.0)
+    x, y, z = quat.rotate(quat.conjugate(facing)[:, None], goal.hand - goal.shoulder)
+    hand = jnp.stack([x * side, y, z])
+    nearest, longest = (arm_limits.span(upper, lower, cos) for cos in (own.cos_bent, own.cos_stretched))
+    allowed = arm_limits.limited(hand, nearest, longest, jnp.broadcast_to(own.tan_back, upper.shape))
+    x, y, z = hand + (allowed - hand) * jnp.clip(goal.response * WHOLE, 0.0, 1.0)
+    return goal._replace(hand=goal.shoulder + quat.rotate(facing[:, None], jnp.stack([x * side, y, z])))
 
 
 def _bent(goal: _Goal) -> tuple[Array, Array]:
@@ -95,7 +152,7 @@ def _bent(goal: _Goal) -> tuple[Array, Array]:
 
 def _turns(goal: _Goal, elbow: Array, hand: Array) -> tuple[Array, Array]:
     """Turns [4, A, n] of upper arm and forearm: none while the hand is dry, the clip's arms then stay as they are."""
-    fade = jnp.clip(goal.response * 4.0, 0.0, 1.0)
+    fade = jnp.clip(goal.response * WHOLE, 0.0, 1.0)
     identity = jnp.zeros((4, *fade.shape), fade.dtype).at[0].set(1.0)
     upper = quat.between(unit(goal.upper), unit(elbow - goal.shoulder))
     lower = quat.between(unit(goal.lower), unit(hand - elbow))

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from crowd.components.forces import Wrench
+from crowd.components.load import posture
 from crowd.components.sense import Surroundings
 from crowd.layout import Layout
 from crowd.params import Character, Params
@@ -79,7 +80,7 @@ def _turned(dt: float, character: Character, state: State, wrench: Wrench) -> Ar
     pitch, pitch_rate = controllers.orientation(
         state.pitch,
         state.pitch_rate,
-        jnp.zeros_like(state.pitch),
+        posture(character),
         wrench.torque[1],
         wrench.torque_slope[1],
         character.pitch_inertia,

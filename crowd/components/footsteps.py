@@ -89,6 +89,8 @@ def gait(
     """Clock, idle weight, every leg's swing, target and handle after the frame; the blend of clips and its poses."""
     del world, climb
     dt, control, herd = layout.dt, params.control, layout.herds[which]
+    if character.responses.reaction is not None:
+        control = dataclasses.replace(control, filter_time=character.responses.reaction)
     state = _with(state, **wall(lambda s: _followed(dt, control, s), state))
     blend = wall(lambda c, s: mix(herd, assets, c, s), character, state)
     pace = wall(lambda c, s, b: _pace(layout, assets, control, c, s, b), character, state, blend)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import Array
 
+from crowd.components import load as loads
 from crowd.components.sense import Surroundings
 from crowd.layout import Layout
 from crowd.params import Character, Params
@@ -68,13 +69,22 @@ def slope(layout: Layout, params: Params, character: Character, state: State, pl
     return _plain(-place.slope * (params.control.slope_gain * GRAVITY * character.mass / steepness))
 
 
+def load(layout: Layout, params: Params, character: Character, state: State, place: Surroundings) -> Wrench:
+    """Weight of what is carried, about the hips: a torque in pitch. What it slows down is in what is commanded."""
+    del layout, params, place
+    none = _plain(jnp.zeros_like(state.velocity))
+    if character.responses.load is None:  # another herd's
+        return none
+    return none._replace(torque=jnp.stack([jnp.zeros_like(state.pitch), loads.torque(character, state.pitch)]))
+
+
 def _plain(force: Array) -> Wrench:
     zero = jnp.zeros_like(force[0])
     return Wrench(force, jnp.zeros_like(force), zero, jnp.zeros_like(force))
 
 
 Force = Callable[[Layout, Params, Character, State, Surroundings], Wrench]
-FORCES: dict[str, Force] = {"drag": drag, "impulse": impulse, "rain": rain, "slope": slope}
+FORCES: dict[str, Force] = {"drag": drag, "impulse": impulse, "load": load, "rain": rain, "slope": slope}
 
 
 def total(layout: Layout, params: Params, character: Character, state: State, place: Surroundings) -> Wrench:

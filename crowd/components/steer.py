@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from crowd.assets import HerdAssets
-from crowd.components import guide
+from crowd.components import effort, guide
 from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, Events, Params
 from crowd.state import State
@@ -34,7 +34,7 @@ def steer(
     """
     asked = wall(lambda c, s: _asked(layout, herd, assets, params, c, s), character, state)
     state = dataclasses.replace(state, **asked)
-    command, mean = wall(lambda c, s: _commanded(layout.dt, herd, c, s), character, state)
+    command, mean = wall(lambda c, s: _commanded(layout.dt, herd, assets, c, s), character, state)
     state = dataclasses.replace(state, command=command)
     turned, course = wall(lambda c, s, m: _turned(layout.dt, herd, assets, c, s, m), character, state, mean)
     return dataclasses.replace(state, **turned), course
@@ -56,11 +56,16 @@ def _asked(
     return {name: getattr(state, name) for name in names}
 
 
-def _commanded(dt: float, herd: HerdLayout, character: Character, state: State) -> tuple[Array, Array]:
-    """[2, n] m/s: the command at the end of the frame, and its mean over it."""
+def _commanded(
+    dt: float, herd: HerdLayout, assets: HerdAssets, character: Character, state: State
+) -> tuple[Array, Array]:
+    """[2, n] m/s: the command at the end of the frame, and its mean over it. Load and effort may leave less to it."""
+    wanted = state.desired
+    if {"load", "transitions"} & set(herd.responses):
+        wanted = wanted * effort.left(assets, character, state)
     if not herd.limits:
-        return state.desired, state.desired
-    return steering.approach(state.command, state.desired, character.acceleration, character.deceleration, dt)
+        return wanted, wanted
+    return steering.approach(state.command, wanted, character.acceleration, character.deceleration, dt)
 
 
 def _turned(

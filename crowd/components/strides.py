@@ -27,6 +27,7 @@ from kernels.vec import TINY
 from kernels.wall import Wall
 
 FASTEST_FACING = 10.0  # rad/s
+SLOWER = 10.0 / 3.0  # than the velocity: how acceleration and yaw rate are smoothed
 TURNS = 0.1  # rad, or m/s to a side: from here on a resting character knows which leg goes first
 WHOLE = 0.999  # of the adjustment: with less, feet move as another clip has them
 READY = 0.3  # cycles since stance: where that leg waits
@@ -60,7 +61,8 @@ def gait(
     herd, control, dt = layout.herds[which], params.strides[which], layout.dt
     own = assets.strides
     assert own is not None
-    state = _with(state, **wall(lambda s, climb: _tracked(dt, s, climb), state, climb))
+    reaction = character.responses.reaction
+    state = _with(state, **wall(lambda s, climb, reaction: _tracked(dt, reaction, s, climb), state, climb, reaction))
     state = _with(
         state,
         **wall(
@@ -93,11 +95,15 @@ def _with(state: State, **changes: Array) -> State:
     return dataclasses.replace(state, gait=dataclasses.replace(state.gait, **changes))
 
 
-def _tracked(dt: float, state: State, climb: Array) -> dict[str, Array]:
+def _tracked(dt: float, reaction: Array | None, state: State, climb: Array) -> dict[str, Array]:
     """Velocity, acceleration and yaw rate, low-passed (4.1). The velocity is the body's own.
 
-    The first frame has no acceleration.
+    reaction: [n] s, time constant of the velocity, acceleration and yaw rate have SLOWER times it; None: 0.1 s, as one
+    share per frame. The first frame has no acceleration.
     """
+    fast, slow = (min(rate * dt, 1.0) for rate in (10.0, 3.0))
+    if reaction is not None:
+        fast, slow = (controllers.low_pass(dt, times * reaction) for times in (1.0, SLOWER))
     own: Strides = state.gait
     now = jnp.stack([state.velocity[0], climb, state.velocity[1]])
     acceleration = jnp.where(state.frame > 0, (now - own.before) / dt, 0.0)
@@ -105,19 +111,22 @@ def _tracked(dt: float, state: State, climb: Array) -> dict[str, Array]:
     swing = jnp.where(jnp.abs(swing) < FASTEST_FACING, swing, 0.0)  # a new heading is a jump, not a turn
     return dict(
         before=now,
-        velocity=own.velocity + (now - own.velocity) * min(10.0 * dt, 1.0),
-        acceleration=own.acceleration + (acceleration - own.acceleration) * min(3.0 * dt, 1.0),
-        turn=own.turn + (state.yaw_rate - own.turn) * min(3.0 * dt, 1.0),
+        velocity=own.velocity + (now - own.velocity) * fast,
+        acceleration=own.acceleration + (acceleration - own.acceleration) * slow,
+        turn=own.turn + (state.yaw_rate - own.turn) * slow,
         facing=state.facing,
-        facing_rate=own.facing_rate + (swing - own.facing_rate) * min(3.0 * dt, 1.0),
+        facing_rate=own.facing_rate + (swing - own.facing_rate) * slow,
     )
 
 
 def _cycle_duration(
     compat: bool, own: StrideAssets, control: StrideControl, character: Character, state: State, blend: Blend
 ) -> Array:
-    """[n] s (3.6): from the velocity of this frame, of which the climb counts up to the level speed."""
-    x, y, z = state.gait.before
+    """[n] s (3.6): from the velocity of this frame, of which the climb counts up to the level speed.
+
+    With a reaction time: from the smoothed velocity, so that the cadence comes as late as the weights of motions.
+    """
+    x, y, z = state.gait.before if character.responses.reaction is None else state.gait.velocity
     level = jnp.sqrt(x * x + z * z + TINY)
     y = jnp.clip(y, -level, level)
     ax, _, az = state.gait.acceleration

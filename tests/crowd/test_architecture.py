@@ -44,6 +44,7 @@ ROOMS: list[tuple[str, ...]] = [
         "crowd.state",
         "crowd.stride_assets",
         "crowd.herd_assets",
+        "crowd.herd_responses",
         "crowd.water_assets",
         "crowd.stride_assets",
         "crowd.initial",

@@ -28,7 +28,7 @@ def test_round_trip(made_result, recorded):
     recording = open_recording(recorded)
     assert np.allclose(recording.time, made_result.time)
     for name, herd in made_result.herds.items():
-        usual = {array for array, column in HERD.items() if not (column.strides or column.buoyancy)}
+        usual = {array for array, column in HERD.items() if not (column.strides or column.asked)}
         assert set(recording.herds[name]) == set(ROOT) | usual
         for array, value in herd.items():
             stored = recording.herds[name][array]
@@ -47,7 +47,7 @@ def test_semi_procedural_round_trip(made_result, tmp_path):
         for chunk in made.chunks(30):
             recorder.append(chunk)
     recording = open_recording(tmp_path / "r.zarr")
-    assert set(recording.herds["ones"]) == set(ROOT) | {name for name, column in HERD.items() if not column.buoyancy}
+    assert set(recording.herds["ones"]) == set(ROOT) | {name for name, column in HERD.items() if not column.asked}
     assert "weights" not in recording.herds["twos"]
     for array in (name for name, column in HERD.items() if column.strides):
         assert np.allclose(recording.herds["ones"][array][:], made.herds["ones"][array], atol=1e-5), array
