@@ -12,6 +12,7 @@ from crowd.analysis.gait import Gait, feet
 from crowd.assets import HerdAssets
 from crowd.herd_responses import chosen_responses
 from crowd.layout import Faces, HerdLayout
+from crowd.leg_responses import near_legs, partners
 from crowd.resampling import resample, resample_rotation
 from crowd.scenario_control import Facing, turn_rate
 from crowd.scene import SAMPLES, HerdScene
@@ -39,7 +40,7 @@ def herd_layout(herd: HerdScene) -> HerdLayout:
         knees=tuple(leg.knee for leg in rig.legs),
         ankles=tuple(leg.ankle for leg in rig.legs),
         balls=tuple(leg.ball for leg in rig.legs),
-        partners=_partners(rig),
+        partners=partners(rig),
         sides=tuple(leg.side for leg in rig.legs),
         shoulders=tuple(arm.shoulder for arm in rig.arms),
         elbows=tuple(arm.elbow for arm in rig.arms),
@@ -62,6 +63,7 @@ def herd_layout(herd: HerdScene) -> HerdLayout:
         track=herd.track is not None,
         limits=herd.model.limits.acceleration_m_s2 is not None or herd.model.limits.deceleration_m_s2 is not None,
         faces=_faces(herd),
+        near=near_legs(herd) if herd.model.responses.leg_clearance else (),
         responses=chosen_responses(herd),
     )
 
@@ -136,19 +138,6 @@ def _faces(herd: HerdScene) -> Faces:
 def _array(values: np.ndarray) -> Any:
     """On the host: `build` sends everything to the device at once."""
     return np.asarray(values, np.float32)
-
-
-def _partners(rig: Archetype) -> tuple[int, ...]:
-    """For each leg the nearest one of the other side, when that is mutual; else itself."""
-    _, at_rest = posing.world_transforms(rig.skeleton, posing.rest_motion(rig.skeleton))
-    place = np.array([at_rest[leg.hip] for leg in rig.legs])
-
-    def nearest(i: int) -> int:
-        others = [j for j, leg in enumerate(rig.legs) if leg.side == -rig.legs[i].side and leg.side != 0]
-        mirrored = place[i] * [-1, 1, 1]
-        return min(others, key=lambda j: float(np.linalg.norm(place[j] - mirrored)), default=i)
-
-    return tuple(nearest(i) if nearest(nearest(i)) == i else i for i in range(len(rig.legs)))
 
 
 def _moving(herd: HerdScene) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from crowd import posing
+from crowd.leg_responses import leg_responses, near_legs
 from crowd.params import ArmResponse, Load, Loads, Responses, Transitions
 from crowd.scenario_herd import Event
 from crowd.scenario_responses import Load as LoadModel
@@ -31,6 +32,8 @@ def chosen_responses(herd: HerdScene) -> tuple[str, ...]:
         transitions=own.transitions is not None,
         arms=own.arms is not None and bool(herd.archetype.arms) and not short_arms(herd),
         reaction=own.reaction_s is not None,
+        high_step=own.high_step is not None and bool(herd.archetype.legs),
+        clearance=own.leg_clearance is not None and bool(near_legs(herd)),
     )
     return tuple(name for name, there in asked.items() if there)
 
@@ -60,6 +63,7 @@ def responses(scene: Scene, herd: HerdScene, size: np.ndarray) -> Responses:
         if arms is not None and "arms" in names
         else None,
         reaction=own.reaction_s * full if own.reaction_s is not None else None,
+        **leg_responses(herd, size) if names else {},
     )
 
 

@@ -63,6 +63,7 @@ class HerdLayout:
     limits: bool  # of acceleration; otherwise what is asked for is commanded at once
     faces: Faces  # where characters look when no event says otherwise
     responses: tuple[str, ...] = ()  # fields of `crowd.params.Responses` that this herd has
+    near: tuple[tuple[int, int], ...] = ()  # legs that give way and those they give way to, with `clearance`
 
     @property
     def joints(self) -> int:

@@ -135,12 +135,29 @@ class ArmResponse:
 
 
 @pytree
+class HighStep:
+    """How feet leave shallow water; see `kernels.high_step`."""
+
+    clearance: Array  # [n] m, above the surface
+    most: Array  # [n] m, depth of water up to which they do
+
+
+@pytree
+class LegClearance:
+    """How far legs keep apart; see `kernels.leg_clearance`."""
+
+    gap: Array  # [P, n] m, of each pair of `HerdLayout.near`
+
+
+@pytree
 class Responses:
     """How bodies respond beyond what all do; what a herd does not have is None."""
 
     load: Load | None = None
     transitions: Transitions | None = None
     arms: ArmResponse | None = None
+    high_step: HighStep | None = None
+    clearance: LegClearance | None = None
     reaction: Array | None = None  # [n] s, in place of the usual low-pass of the speed that steps follow
 
 

@@ -65,6 +65,22 @@ class ArmResponse(Model):
     """How far behind the plane of the shoulders a raised hand may be."""
 
 
+class HighStep(Model):
+    """Feet are lifted out of shallow water; lengths are of a person's size (1.7 m)."""
+
+    clearance_m: NotNegative = 0.05
+    """Of the sole above the surface in the middle of the swing."""
+    to_depth_m: Positive = 0.32
+    """In deeper water they stay under (fading out over half of it again)."""
+
+
+class LegClearance(Model):
+    """Legs keep out of each other's way: no step crosses the other foot, no swing goes through it."""
+
+    gap_share: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=1)] = 0.6
+    """Of the distance at which the two feet stand at rest (and at most of 0.7 foot lengths): how near they come."""
+
+
 class Responses(Model):
     """Responses of the body beyond those that every character has; what is left out is not in the program."""
 
@@ -72,6 +88,10 @@ class Responses(Model):
     """Fall from jogging to walking and from walking to resting where the fluid resists too much."""
     reaction_s: Delay | None = None
     """Time constant with which steps follow the body's speed; left out: 0.35 (footsteps) or 0.1 (semi_procedural)."""
+    high_step: HighStep | None = None
+    """Feet are lifted out of shallow water."""
+    leg_clearance: LegClearance | None = None
+    """Legs keep out of each other's way."""
     arms: ArmResponse | None = None
     """Limits, hysteresis and slowness of the arms that are kept above the surface."""
 

@@ -82,12 +82,12 @@ def step(
     stepped, placed = GAITS[layout.gait]
     with jax.named_scope("gait"):
         climb = (state.position[1] - before[1]) / layout.dt
-        state, plan, poses = stepped(layout, which, assets, world, params, character, state, climb, wall)
+        surface = place.fluid.surface - state.position[1]
+        state, plan, poses = stepped(layout, which, assets, world, params, character, state, climb, surface, wall)
     with jax.named_scope("pose"):
         hung = pose.pose(herd, assets, character, state, poses, wall)
     with jax.named_scope("feet"):
-        legs = placed(layout, which, assets, world, params, character, state, plan, hung, wall)
-    surface = place.fluid.surface - state.position[1]
+        legs = placed(layout, which, assets, world, params, character, state, plan, hung, surface, wall)
     with jax.named_scope("arms"):
         hands = None
         if layout.regions and layout.arms_up[which] and herd.arms:

@@ -60,10 +60,11 @@ def feet(
     state: State,
     stride: Stride,
     hung: Hung,
+    depth: Array,
     wall: Wall,
 ) -> Feet:
     """Legs after inverse kinematics, and how far the hips move."""
-    del world
+    del world, depth
     herd, own, control = layout.herds[which], assets.strides, params.strides[which]
     assert own is not None
     picked = wall(lambda transforms: _picked(herd, transforms), hung.transforms)

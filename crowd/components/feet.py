@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 
 from crowd.assets import HerdAssets, World
-from crowd.components import sense
+from crowd.components import clearance, high_step, sense
 from crowd.components.footsteps import Mix
 from crowd.components.pose import Hung
 from crowd.layout import HerdLayout, Layout
@@ -83,12 +83,15 @@ def feet(
     state: State,
     blend: Mix,
     hung: Hung,
+    depth: Array,
     wall: Wall,
 ) -> Feet:
     """Legs after the clip's pose: bent to their handles, or left as the clip has them (`gait: clip`).
 
     The contact point goes to the handle; the foot keeps the clip's attitude about it (heel lift) without the body's
     pitch and yaw, laid onto the slope. Bones between hip and knee or knee and ankle keep the clip's pose.
+
+    depth [n]: m, of the fluid above the character's ground, -inf when dry.
     """
     del params
     herd, transforms = layout.herds[which], hung.transforms
@@ -96,8 +99,14 @@ def feet(
         return wall(lambda *now: _as_played(herd, assets, *now), character, state, blend, transforms)
     ground = wall(lambda s: sense.ground(layout, world, s.gait.handle, s.position[1]), state)
     lift = wall(lambda c, s, b: _swing_height(herd, assets, c, s, b), character, state, blend)
+    if layout.regions and "high_step" in herd.responses:
+        flight = state.gait.progress
+        lift = wall(lambda *now: high_step.raised(*now), character, depth, jnp.zeros_like(lift), lift, flight)
     level = wall(_levelled, state, ground[1])
     goal = wall(lambda *now: _goal(herd, assets, *now), character, state, transforms, ground[0], lift, level)
+    if "clearance" in herd.responses:
+        kept = clearance.kept(herd, character, state, goal.contact, goal.foot, state.gait.progress, wall)
+        goal = goal._replace(contact=kept)
     shift = wall(lambda *now: _down(_drop(assets, *now)), character, state, goal)
     knee, reached, missed = wall(lambda *now: _reached(assets, *now), state, goal, shift)
     segments = wall(_segments, goal, shift, knee, reached)

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 from jax import Array
 
 from crowd.assets import StrideAssets, World
-from crowd.components import sense
+from crowd.components import clearance, sense
 from crowd.components.motions import Blend
-from crowd.layout import Layout
+from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, StrideControl
 from crowd.state import State, Strides
 from kernels import controllers, footprint, leg_cycle
@@ -24,6 +24,7 @@ SEEK_FEET = 3.0  # feet per second: the least speed at which a print follows its
 
 def footprints(
     layout: Layout,
+    herd: HerdLayout,
     assets: StrideAssets,
     world: World,
     control: StrideControl,
@@ -52,6 +53,8 @@ def footprints(
         cycle,
         cycle_s,
     )
+    if "clearance" in herd.responses:
+        heel = clearance.prints(herd, character, state, blend, heel, yaw, blend.foot, wall)
     at_heel = wall(ground, heel, at)
     toe = wall(lambda heel, b, yaw: heel + about(b.foot, yaw), heel, blend, yaw)
     at_toe = wall(ground, toe, at)

@@ -14,7 +14,7 @@ from crowd.components.pose import Poses
 from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, Control, Params
 from crowd.state import State
-from kernels import clips, controllers, stepping
+from kernels import clips, controllers, leg_clearance, stepping
 from kernels.trig import sin_cos
 from kernels.vec import TINY, smoothstep
 from kernels.wall import Wall
@@ -84,10 +84,11 @@ def gait(
     character: Character,
     state: State,
     climb: Array,
+    depth: Array,
     wall: Wall,
 ) -> tuple[State, Mix, Poses]:
     """Clock, idle weight, every leg's swing, target and handle after the frame; the blend of clips and its poses."""
-    del world, climb
+    del world, climb, depth
     dt, control, herd = layout.dt, params.control, layout.herds[which]
     if character.responses.reaction is not None:
         control = dataclasses.replace(control, filter_time=character.responses.reaction)
@@ -268,9 +269,7 @@ def _uncrossed(
     left = jnp.stack([cos, -sin])
     other = state.gait.handle[:, partner]
     gap = control.foot_gap * jnp.abs(assets.idle_rest[0] - assets.idle_rest[0, partner]) * character.scale
-    across = (aim[0] - other[0]) * left[0] + (aim[1] - other[1]) * left[1]
-    short = jnp.maximum(gap - side * across, 0.0) * side
-    return aim + left[:, None] * short
+    return leg_clearance.beside(aim, other, left[:, None], side, gap)
 
 
 def _turned(place: Array, yaw: Array) -> Array:

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from crowd.assets import HerdAssets, StrideAssets, World
-from crowd.components import footing, motions
+from crowd.components import clearance, footing, high_step, motions
 from crowd.components.motions import Blend
 from crowd.components.pose import Poses
 from crowd.layout import HerdLayout, Layout
@@ -21,7 +21,7 @@ from crowd.params import Character, Params, StrideControl
 from crowd.state import State, Strides
 from kernels import body_tilt, controllers, flight, leg_cycle
 from kernels.flight import Footbase
-from kernels.footprint import about
+from kernels.footprint import Footprint, about
 from kernels.trig import sin_cos
 from kernels.vec import TINY
 from kernels.wall import Wall
@@ -55,9 +55,11 @@ def gait(
     character: Character,
     state: State,
     climb: Array,
+    depth: Array,
     wall: Wall,
 ) -> tuple[State, Stride, Poses]:
-    """State, footbases and poses after the frame. climb [n]: m/s, how fast the character's ground rises."""
+    """State, footbases and poses after the frame. climb [n]: m/s, how fast the character's ground rises; depth [n]: m,
+    of the fluid above it, -inf when dry."""
     herd, control, dt = layout.herds[which], params.strides[which], layout.dt
     own = assets.strides
     assert own is not None
@@ -80,8 +82,8 @@ def gait(
         state,
         blend,
     )
-    state = footing.footprints(layout, own, world, control, character, state, blend, cycle, cycle_s, wall)
-    stride = _stride(herd, own, control, dt, character, state, blend, cycle_s, wall)
+    state = footing.footprints(layout, herd, own, world, control, character, state, blend, cycle, cycle_s, wall)
+    stride = _stride(layout, herd, own, control, character, state, blend, cycle_s, depth, wall)
     leaning, ground_up, base, up, shares = stride
     state = _with(state, leaning=leaning, ground_up=ground_up)
     column, share = wall(lambda s, b: motions.columns(herd, own, s, b), state, blend)
@@ -181,14 +183,15 @@ def _ready(herd: HerdLayout, state: State, blend: Blend) -> Array:
 
 
 def _stride(
+    layout: Layout,
     herd: HerdLayout,
     own: StrideAssets,
     control: StrideControl,
-    dt: float,
     character: Character,
     state: State,
     blend: Blend,
     cycle_s: Array,
+    depth: Array,
     wall: Wall,
 ) -> tuple[Array, Array, Footbase, tuple[Array, Array], tuple[Array, ...]]:
     """Lean, ground axis, footbases, up axes and shares of each leg's cycle."""
@@ -200,7 +203,7 @@ def _stride(
         lambda footing, s, scale: body_tilt.ground_up(footing, s.gait.ground_up, control.upright * scale * scale),
         held.footing, state, character.scale,
     )  # fmt: skip
-    leaning = wall(lambda s: _leaning(control, dt, s), state)
+    leaning = wall(lambda s: _leaning(control, layout.dt, s), state)
     up = wall(lambda s, *now: _up(control, s, *now), state, ground_up, leaning, held.travel)
     shares = wall(_shares, state, blend)
     curve = wall(
@@ -215,8 +218,21 @@ def _stride(
         held.height, control.most_foot_turn, wall,
     )  # fmt: skip
     planted, lifted, flown = shares
+    if "clearance" in herd.responses:
+        base = base._replace(position=clearance.kept(herd, character, state, base.position, base.sole, flown, wall))
+    if layout.regions and "high_step" in herd.responses:
+        high = wall(_high, character, depth, base.position[1], before, after, flown)
+        base = base._replace(position=base.position.at[1].set(high))
     turn = wall(lambda base, yaw: base.yaw - yaw, base, state.yaw)
     return leaning, ground_up, base, up, (planted, lifted, flown, turn)
+
+
+def _high(
+    character: Character, depth: Array, height: Array, before: Footprint, after: Footprint, flown: Array
+) -> Array:
+    """[L, n] m, heights of feet that are lifted out of shallow water, from the ground between their prints."""
+    ground = before.position[1] + (after.position[1] - before.position[1]) * flown
+    return high_step.raised(character, depth, ground, height, flown)
 
 
 def _way(state: State, cycle_s: Array) -> tuple[Array, Array]:

@@ -1,0 +1,118 @@
+"""Clearance between legs. Absent from the program of a herd without `responses.leg_clearance`."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from crowd.components.motions import Blend
+from crowd.layout import HerdLayout
+from crowd.params import Character
+from crowd.state import State, Strides
+from kernels import leg_clearance
+from kernels.footprint import about
+from kernels.trig import sin_cos
+from kernels.wall import Wall
+
+
+def prints(
+    herd: HerdLayout,
+    character: Character,
+    state: State,
+    blend: Blend,
+    heel: Array,
+    yaw: Array,
+    foot: Array,
+    wall: Wall,
+) -> Array:
+    """Predicted heel ends [3, L, n], relative to the position, moved so that no foot crosses its partner's, nor stands
+    on one near it.
+
+    yaw [L, n], foot [3, L, n]: heel to toe end, of the predicted prints. Other legs are where they stand or will land.
+    """
+    if not herd.near:
+        return heel
+
+    def standing(state: State, blend: Blend) -> tuple[Array, Array]:
+        own: Strides = state.gait
+        stands = own.time <= blend.keys.liftoff
+        place = jnp.where(stands, own.from_position[::2], own.to_position[::2]) - state.position[::2][:, None]
+        return place, jnp.where(stands, _level(own.from_foot, own.from_yaw), _level(own.to_foot, own.to_yaw))
+
+    def uncrossed(character: Character, heel: Array, yaw: Array, foot: Array, place: Array, sole: Array) -> Array:
+        partner, half = np.array(herd.partners), 0.5 * about(foot, yaw)[::2]
+        other = place[:, partner] + 0.5 * sole[:, partner]
+        sin, cos = sin_cos(yaw)
+        gap = jnp.stack([_gap(herd, character, i, p) for i, p in enumerate(herd.partners)])
+        moved = leg_clearance.beside(heel[::2] + half, other, jnp.stack([cos, -sin]), _sides(herd), gap) - half
+        return heel.at[::2].set(moved)
+
+    place, sole = wall(standing, state, blend)
+    heel = wall(uncrossed, character, heel, yaw, foot, place, sole)
+    one, other = (np.array(legs) for legs in zip(*herd.near, strict=True))
+    start, end = wall(lambda heel, foot, yaw: (heel[::2], (heel + about(foot, yaw))[::2]), heel, foot, yaw)
+    ends = wall(
+        lambda *ends: tuple(points[:, leg] for points, leg in zip(ends, (one, one, other, other), strict=True)),
+        start, end, place, place + sole,
+    )  # fmt: skip
+    way = wall(lambda *now: _ways(herd, *now), character, state, *ends)
+    return wall(lambda heel, way: heel.at[::2].add(_summed(herd, way)), heel, way)
+
+
+def kept(
+    herd: HerdLayout, character: Character, state: State, heel: Array, sole: Array, flight: Array, wall: Wall
+) -> Array:
+    """Feet [3, L, n] in flight that give way to those near them. sole [3, L, n]: from there to the other end, m;
+    flight [L, n]: share done, 0 or 1 for feet that stand."""
+    if not herd.near:
+        return heel
+    one, other = (np.array(legs) for legs in zip(*herd.near, strict=True))
+
+    def pairs(heel: Array, sole: Array) -> tuple[Array, ...]:
+        start, end = heel[::2], (heel + sole)[::2]
+        return start[:, one], end[:, one], start[:, other], end[:, other]
+
+    def together(heel: Array, flight: Array, way: Array) -> Array:
+        return heel.at[::2].add(_summed(herd, way) * (1.0 - (2.0 * flight - 1.0) ** 4))
+
+    ends = wall(pairs, heel, sole)
+    way = wall(lambda *now: _ways(herd, *now), character, state, *ends)
+    return wall(together, heel, flight, way)
+
+
+def _ways(herd: HerdLayout, character: Character, state: State, *ends: Array) -> Array:
+    """[2, P, n] m, how far the first foot of each pair gives way; ends: both ends of its and of the other's segment."""
+    response = character.responses.clearance
+    assert response is not None
+    sin, cos = sin_cos(state.yaw)
+    out = jnp.stack([cos, -sin])[:, None] * _sides(herd)[np.array([one for one, _ in herd.near])]
+    out = jnp.broadcast_to(out, ends[0].shape)
+    return leg_clearance.given_way(leg_clearance.between(*ends), out, response.gap)
+
+
+def _summed(herd: HerdLayout, way: Array) -> Array:
+    """[2, L, n] sum over the pairs of each leg."""
+    legs: list[Array] = [jnp.zeros_like(way[:, 0])] * herd.legs
+    for pair, (leg, _) in enumerate(herd.near):
+        legs[leg] = legs[leg] + way[:, pair]
+    return jnp.stack(legs, 1)
+
+
+def _gap(herd: HerdLayout, character: Character, leg: int, partner: int) -> Array:
+    """[n] m, to keep between a leg and its partner; 0 where it has none."""
+    response = character.responses.clearance
+    assert response is not None
+    pair = (leg, partner)
+    return response.gap[herd.near.index(pair)] if pair in herd.near else jnp.zeros_like(character.scale)
+
+
+def _sides(herd: HerdLayout) -> Array:
+    """[L, 1] 1 for left legs, -1 for right ones, 0 for those without a partner on the other side."""
+    paired = [0 if herd.partners[leg] == leg else side for leg, side in enumerate(herd.sides)]
+    return jnp.array(paired, jnp.float32).reshape(-1, 1)
+
+
+def _level(foot: Array, yaw: Array) -> Array:
+    """[2, L, n] heel to toe end (x, z) in the world."""
+    return about(jnp.stack([foot[0], jnp.zeros_like(yaw), foot[1]]), yaw)[::2]
