@@ -18,7 +18,7 @@ def share(depth: Float[Array, "*b"], most: Float[Array, "*b"]) -> Float[Array, "
 
 
 def raised(
-    height: Float[Array, "*b"], needed: Float[Array, "*b"], flight: Float[Array, "*b"], share: Float[Array, "*b"]
+    height: Float[Array, "*b"], needed: Float[Array, "*#b"], flight: Float[Array, "*b"], share: Float[Array, "*#b"]
 ) -> Float[Array, "*b"]:
     """Height of a foot in flight, m: at least `needed` in the middle of it, less by the fourth power towards its ends.
 

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from kernels.vec import TINY
 
+SHORT = 1e-6  # m2, of the squared length: points of no length keep finite gradients, feet are off by a few micrometres
 OUT = 0.25  # of the gap: how strongly feet give way to their own side, which decides where segments cross
 
 
@@ -41,7 +42,7 @@ def between(
     """
     own, its = end - start, other_end - other_start
     apart = start - other_start
-    a, e = own[0] * own[0] + own[1] * own[1] + TINY, its[0] * its[0] + its[1] * its[1] + TINY
+    a, e = own[0] * own[0] + own[1] * own[1] + SHORT, its[0] * its[0] + its[1] * its[1] + SHORT
     b = own[0] * its[0] + own[1] * its[1]
     c, f = own[0] * apart[0] + own[1] * apart[1], its[0] * apart[0] + its[1] * apart[1]
     square = a * e - b * b

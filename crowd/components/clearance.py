@@ -11,53 +11,54 @@ from crowd.layout import HerdLayout
 from crowd.params import Character
 from crowd.state import State, Strides
 from kernels import leg_clearance
-from kernels.footprint import about
+from kernels.footprint import Footprint, about
 from kernels.trig import sin_cos
+from kernels.vec import TINY
 from kernels.wall import Wall
 
+OWN_SIDE = 0.3  # of the gap: how much nearer than to another's middle a foot's own side has to be
 
-def prints(
-    herd: HerdLayout,
-    character: Character,
-    state: State,
-    blend: Blend,
-    heel: Array,
-    yaw: Array,
-    foot: Array,
-    wall: Wall,
+
+def uncrossed(
+    herd: HerdLayout, character: Character, state: State, blend: Blend, heel: Array, yaw: Array, foot: Array
 ) -> Array:
-    """Predicted heel ends [3, L, n], relative to the position, moved so that no foot crosses its partner's, nor stands
-    on one near it.
+    """Predicted heel ends [3, L, n], relative to the position, moved so that no foot crosses its partner's.
 
-    yaw [L, n], foot [3, L, n]: heel to toe end, of the predicted prints. Other legs are where they stand or will land.
+    yaw [L, n], foot [3, L, n]: heel to toe end, of the predicted prints; feet are where their middles are.
     """
-    if not herd.near:
-        return heel
+    partner, half = np.array(herd.partners), 0.5 * about(foot, yaw)[::2]
+    place, sole = _standing(state, blend)
+    sin, cos = sin_cos(yaw)
+    gap = jnp.stack([_gap(herd, character, i, p) for i, p in enumerate(herd.partners)])
+    other = (place + 0.5 * sole)[:, partner]
+    moved = leg_clearance.beside(heel[::2] + half, other, jnp.stack([cos, -sin]), _sides(herd), gap) - half
+    return heel.at[::2].set(moved)
 
-    def standing(state: State, blend: Blend) -> tuple[Array, Array]:
-        own: Strides = state.gait
-        stands = own.time <= blend.keys.liftoff
-        place = jnp.where(stands, own.from_position[::2], own.to_position[::2]) - state.position[::2][:, None]
-        return place, jnp.where(stands, _level(own.from_foot, own.from_yaw), _level(own.to_foot, own.to_yaw))
 
-    def uncrossed(character: Character, heel: Array, yaw: Array, foot: Array, place: Array, sole: Array) -> Array:
-        partner, half = np.array(herd.partners), 0.5 * about(foot, yaw)[::2]
-        other = place[:, partner] + 0.5 * sole[:, partner]
-        sin, cos = sin_cos(yaw)
-        gap = jnp.stack([_gap(herd, character, i, p) for i, p in enumerate(herd.partners)])
-        moved = leg_clearance.beside(heel[::2] + half, other, jnp.stack([cos, -sin]), _sides(herd), gap) - half
-        return heel.at[::2].set(moved)
-
-    place, sole = wall(standing, state, blend)
-    heel = wall(uncrossed, character, heel, yaw, foot, place, sole)
+def apart(
+    herd: HerdLayout, character: Character, state: State, blend: Blend, ahead: Footprint, wall: Wall
+) -> Footprint:
+    """Prints ahead [L, n], relative to the position, that give way to where the legs near them stand or will land."""
     one, other = (np.array(legs) for legs in zip(*herd.near, strict=True))
-    start, end = wall(lambda heel, foot, yaw: (heel[::2], (heel + about(foot, yaw))[::2]), heel, foot, yaw)
-    ends = wall(
-        lambda *ends: tuple(points[:, leg] for points, leg in zip(ends, (one, one, other, other), strict=True)),
-        start, end, place, place + sole,
-    )  # fmt: skip
+
+    def pairs(state: State, blend: Blend, ahead: Footprint) -> tuple[Array, ...]:
+        place, sole = _standing(state, blend)
+        start = ahead.position[::2]
+        end = start + _level(ahead.foot, ahead.yaw)
+        return start[:, one], end[:, one], place[:, other], (place + sole)[:, other]
+
+    ends = wall(pairs, state, blend, ahead)
     way = wall(lambda *now: _ways(herd, *now), character, state, *ends)
-    return wall(lambda heel, way: heel.at[::2].add(_summed(herd, way)), heel, way)
+    moved = wall(lambda place, way: place.at[::2].add(_summed(herd, way)), ahead.position, way)
+    return ahead._replace(position=moved)
+
+
+def _standing(state: State, blend: Blend) -> tuple[Array, Array]:
+    """Heel ends [2, L, n], relative to the position, and soles of the prints on which legs stand or will land."""
+    own: Strides = state.gait
+    stands = own.time <= blend.keys.liftoff
+    place = jnp.where(stands, own.from_position[::2], own.to_position[::2]) - state.position[::2][:, None]
+    return place, jnp.where(stands, _level(own.from_foot, own.from_yaw), _level(own.to_foot, own.to_yaw))
 
 
 def kept(
@@ -65,8 +66,6 @@ def kept(
 ) -> Array:
     """Feet [3, L, n] in flight that give way to those near them. sole [3, L, n]: from there to the other end, m;
     flight [L, n]: share done, 0 or 1 for feet that stand."""
-    if not herd.near:
-        return heel
     one, other = (np.array(legs) for legs in zip(*herd.near, strict=True))
 
     def pairs(heel: Array, sole: Array) -> tuple[Array, ...]:
@@ -86,8 +85,11 @@ def _ways(herd: HerdLayout, character: Character, state: State, *ends: Array) ->
     response = character.responses.clearance
     assert response is not None
     sin, cos = sin_cos(state.yaw)
-    out = jnp.stack([cos, -sin])[:, None] * _sides(herd)[np.array([one for one, _ in herd.near])]
-    out = jnp.broadcast_to(out, ends[0].shape)
+    own_side = jnp.stack([cos, -sin])[:, None] * _sides(herd)[np.array([one for one, _ in herd.near])]
+    start, end, other_start, other_end = ends
+    # feet that meet go apart by their middles, and to their own side where those are one above the other
+    x, z = 0.5 * (start + end - other_start - other_end) + OWN_SIDE * response.gap * own_side
+    out = jnp.stack([x, z]) / jnp.sqrt(x * x + z * z + TINY)
     return leg_clearance.given_way(leg_clearance.between(*ends), out, response.gap)
 
 

@@ -54,7 +54,7 @@ def footprints(
         cycle_s,
     )
     if "clearance" in herd.responses:
-        heel = clearance.prints(herd, character, state, blend, heel, yaw, blend.foot, wall)
+        heel = wall(lambda *now: clearance.uncrossed(herd, *now), character, state, blend, heel, yaw, blend.foot)
     at_heel = wall(ground, heel, at)
     toe = wall(lambda heel, b, yaw: heel + about(b.foot, yaw), heel, blend, yaw)
     at_toe = wall(ground, toe, at)
@@ -78,6 +78,8 @@ def footprints(
     )  # fmt: skip
     aims = wall(lambda time, strike: time < strike, cycle.time, keys.strike)
     ahead = wall(_of_goal, fresh, print_, ahead, position)
+    if "clearance" in herd.responses:
+        ahead = clearance.apart(herd, character, state, blend, ahead, wall)
     ahead = wall(_kept, aims, ahead, state, at)
     legs = wall(lambda *now: _legs(control, *now), character, state, blend, cycle, taken, behind, ahead)
     goal = wall(lambda aims, aim, at, goal: jnp.where(aims, aim + at, goal), aims, aim, at, state.gait.goal)

@@ -17,5 +17,5 @@ def raised(character: Character, depth: Array, ground: Array, height: Array, fli
     """
     own = character.responses.high_step
     assert own is not None
-    share = jnp.broadcast_to(high_step.share(depth, own.most), flight.shape)
+    share = high_step.share(depth, own.most)
     return ground + high_step.raised(height - ground, jnp.maximum(depth, 0.0) + own.clearance, flight, share)
