@@ -16,6 +16,7 @@ from crowd.recorded_scene import HerdLike, SceneLike, levels_of
 from crowd.types import Motion
 from crowd.view.camera import Camera, framing
 from crowd.view.geometry import Body, Geometry, Level
+from crowd.view.loads import loads_at
 from crowd.view.palette import character_colors
 from crowd.view.raster import draw
 from crowd.view.relief import relief_at
@@ -80,7 +81,8 @@ def geometry_at(run: Any, scene: SceneLike, frame: int) -> Geometry:
     """Everything to be seen at a recorded frame."""
     time = float(run.time[frame])
     levels = waved(run, surfaces(scene, time), time)
-    return Geometry(bodies_at(run, scene, frame), scene.ground, levels, getattr(scene, "terrain", None))
+    bodies = [*bodies_at(run, scene, frame), *loads_at(run, scene, frame)]
+    return Geometry(bodies, scene.ground, levels, getattr(scene, "terrain", None))
 
 
 def waved(run: Any, levels: list[Level], time: float) -> list[Level]:
