@@ -173,8 +173,9 @@ def clear_view(geometry: Geometry, camera: Camera, points: np.ndarray) -> Geomet
     near = float(np.nanmin(camera.view(points)[..., 2])) - 0.2
     bodies = []
     for body in geometry.bodies:
-        keep = camera.view(body.vertices.mean(1))[:, 2] >= near
-        bodies.append(Body(body.vertices[keep], body.triangles, body.color[keep]))
+        keep = camera.view(body.middle)[:, 2] >= near
+        carriers = None if body.carriers is None else body.carriers[keep]
+        bodies.append(Body(body.vertices[keep], body.triangles, body.color[keep], carriers))
     return Geometry(bodies, geometry.ground, geometry.levels, geometry.terrain)
 
 

@@ -52,4 +52,5 @@ def _boxes(arrays: Any, herd: Any, frame: int, mass: float, there: np.ndarray) -
     turned = posing.rotate(np.broadcast_to(orientation[:, None], (*points.shape[:2], 4)), points)
     quads = np.array(FACES)
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    return Body(position[:, None] + turned, triangles, np.tile(COLOR, (len(position), 1)))
+    carriers = position + np.array([0.0, 0.5 * height, 0.0])
+    return Body(position[:, None] + turned, triangles, np.tile(COLOR, (len(position), 1)), carriers)
