@@ -103,7 +103,7 @@ def test_waves_at_hand_height_do_not_make_arms_flap() -> None:
 def test_arms_come_down_in_less_deep_water_than_they_went_up_in() -> None:
     """Down a beach and up again: a band apart, where they were less than 0.03 m apart."""
     stretches = [{"length_m": 14.0, "angle_deg": angle} for angle in (-4.0, 4.0)]
-    herds = [{**herd(name, "human", 1, **own)} for name, own in (("plain", {}), ("calm", {"responses": CALM}))]
+    herds = [{**herd(name, "human", 1), **own} for name, own in (("plain", {}), ("calm", {"responses": CALM}))]
     ground = {"kind": "slopes", "start_m": 2.0, "stretches": stretches}
     record = {"rate_hz": 30, "pose": True}
     result = simulate.simulate(scene.load(scenario(herds, 0.0, ground=ground, rate_hz=30, record=record)), seconds=34.0)

@@ -81,6 +81,7 @@ def test_load_tips_who_stands_on_four_legs(carried: Arrays) -> None:
     _, _, params, _ = build(scene.load(carriers()))
     dog = params.characters[4]
     load = dog.responses.load
+    assert load is not None
     weight = 9.81 * float(load.mass[0, 0])
     stiffness = float(dog.pitch_gain[0, 0]) - weight * float(load.above[0, 0])
     expected = weight * float(load.ahead[0, 0]) / stiffness
@@ -284,6 +285,23 @@ def test_what_is_off_is_not_in_the_program() -> None:
     assert states[0].responded == Responded()
 
 
+def test_bits_do_not_depend_on_who_else_is_there() -> None:
+    """With everything on: the first two of five are the only two, to the last bit."""
+    responses = {"transitions": {}, "reaction_s": 0.3, "arms": {}}
+
+    def some(count: int) -> dict[str, np.ndarray]:
+        people = herd(
+            "p", "human", count, 2.6, gains=MEASURED, load={**RUCKSACK, "carried": False}, responses=responses
+        )
+        events = [{"at_s": 0.5, "load": "pick_up", "characters": [1]}]
+        return run(scenario([people], 1.1, events=events), 3.0)["p"]
+
+    few, many = some(2), some(5)
+    assert (few["gear"][-1] == WALKS).all() and few["pitch"][-1, 1] > few["pitch"][-1, 0] + 0.05
+    for name, array in few.items():
+        np.testing.assert_array_equal(many[name][:, :2], array, name)
+
+
 def test_gradient_by_mass_and_place_of_a_load() -> None:
     """Forward mode against differences: lean and speed after 40 frames in water, with everything on."""
     responses = {"transitions": {}, "reaction_s": 0.3, "arms": {}}
@@ -293,6 +311,7 @@ def test_gradient_by_mass_and_place_of_a_load() -> None:
     def ends(factor: jax.Array) -> jax.Array:
         one = params.characters[0]
         load = one.responses.load
+        assert load is not None
         load = dataclasses.replace(load, mass=load.mass * factor[0], ahead=load.ahead * factor[1])
         one = dataclasses.replace(one, responses=dataclasses.replace(one.responses, load=load))
         changed = dataclasses.replace(params, characters=(one,))
