@@ -82,16 +82,15 @@ def _transitions(herd: HerdScene, size: np.ndarray) -> Transitions:
 
 
 def _load(scene: Scene, herd: HerdScene, own: LoadModel, size: np.ndarray) -> Load:
-    rig, scale = herd.archetype, herd.scale
-    at, height = _at_rest(rig), _height(rig)
-    hips = max(float(at[[leg.hip for leg in rig.legs], 1].mean()), 0.05)
-    above = own.height_m if own.height_m is not None else (own.height_share or HEIGHT_SHARE) * height
+    rig, scale, height = herd.archetype, herd.scale, _height(herd.archetype)
+    hips = max(float(_at_rest(rig)[[leg.hip for leg in rig.legs], 1].mean()), 0.05)
+    above, ahead = load_place(herd)
     trunk = TRUNK_MASS * herd.mass * TRUNK_MIDDLE * max(height - hips, 0.0) * scale
     full = _host(np.ones(herd.count))
     events = [event for event in scene.scenario.events if event.load is not None]
     return Load(
         mass=own.mass_kg * full,
-        ahead=_host(((own.forward_m or 0.0) - (own.behind_m or 0.0)) * scale),
+        ahead=_host(ahead * scale),
         above=_host((above - hips) * scale),
         trunk=_host(trunk),
         balances=full if len(rig.legs) <= 2 else 0.0 * full,
@@ -99,6 +98,14 @@ def _load(scene: Scene, herd: HerdScene, own: LoadModel, size: np.ndarray) -> Lo
         starts=float(own.carried) * full,
         event=_host(np.array([_meets(event, herd) for event in events]).reshape(-1, herd.count)),
     )
+
+
+def load_place(herd: HerdScene) -> tuple[float, float]:
+    """m at the archetype's own size: height of the load's middle above the ground, and how far it is ahead."""
+    own = herd.model.load
+    assert own is not None
+    height = own.height_m if own.height_m is not None else (own.height_share or HEIGHT_SHARE) * _height(herd.archetype)
+    return height, (own.forward_m or 0.0) - (own.behind_m or 0.0)
 
 
 def _meets(event: Event, herd: HerdScene) -> np.ndarray:

@@ -16,6 +16,7 @@ from crowd.recorded_scene import HerdLike, SceneLike, levels_of
 from crowd.types import Motion
 from crowd.view.camera import Camera, framing
 from crowd.view.geometry import Body, Geometry, Level
+from crowd.view.loads import loads_at
 from crowd.view.palette import character_colors
 from crowd.view.raster import draw
 from crowd.view.relief import relief_at
@@ -80,7 +81,8 @@ def geometry_at(run: Any, scene: SceneLike, frame: int) -> Geometry:
     """Everything to be seen at a recorded frame."""
     time = float(run.time[frame])
     levels = waved(run, surfaces(scene, time), time)
-    return Geometry(bodies_at(run, scene, frame), scene.ground, levels, getattr(scene, "terrain", None))
+    bodies = [*bodies_at(run, scene, frame), *loads_at(run, scene, frame)]
+    return Geometry(bodies, scene.ground, levels, getattr(scene, "terrain", None))
 
 
 def waved(run: Any, levels: list[Level], time: float) -> list[Level]:
@@ -171,8 +173,9 @@ def clear_view(geometry: Geometry, camera: Camera, points: np.ndarray) -> Geomet
     near = float(np.nanmin(camera.view(points)[..., 2])) - 0.2
     bodies = []
     for body in geometry.bodies:
-        keep = camera.view(body.vertices.mean(1))[:, 2] >= near
-        bodies.append(Body(body.vertices[keep], body.triangles, body.color[keep]))
+        keep = camera.view(body.middle)[:, 2] >= near
+        carriers = None if body.carriers is None else body.carriers[keep]
+        bodies.append(Body(body.vertices[keep], body.triangles, body.color[keep], carriers))
     return Geometry(bodies, geometry.ground, geometry.levels, geometry.terrain)
 
 

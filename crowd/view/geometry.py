@@ -22,11 +22,20 @@ CREASE = (0.55, 0.75)  # cosine between a face and the smooth normal: sharp belo
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Characters that share a mesh: world vertices [n, V, 3] m, triangles [T, 3], linear colours [n, 3]."""
+    """Characters that share a mesh: world vertices [n, V, 3] m, triangles [T, 3], linear colours [n, 3].
+
+    carriers [n, 3] m: where the characters are, of what they carry; None: where their own vertices are.
+    """
 
     vertices: np.ndarray
     triangles: np.ndarray
     color: np.ndarray
+    carriers: np.ndarray | None = None
+
+    @property
+    def middle(self) -> np.ndarray:
+        """[n, 3] m, about where each character is."""
+        return self.vertices.mean(1) if self.carriers is None else self.carriers
 
 
 @dataclass(frozen=True)

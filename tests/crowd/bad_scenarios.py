@@ -472,4 +472,39 @@ TABLE = [
     ),
     Bad("water strength", *pool("strength: -1"), ("world.water.strength", "-1")),
     Bad("water key", *pool("feedbak: true"), ("feedbak: unknown key", "feedback")),
+    # responses
+    Bad("load of nothing", *more("  load: {mass_kg: 0}\n"), (":9 herds[0].load.mass_kg: 0: must be greater than 0",)),
+    Bad(
+        "load at two heights",
+        *more("  load: {mass_kg: 9, height_m: 1.2, height_share: 0.7}\n"),
+        (":9 herds[0].load.height_share: 0.7: 'height_m' says where already",),
+    ),
+    Bad(
+        "load on both sides",
+        *more("  load: {mass_kg: 9, behind_m: 0.2, forward_m: 0.2}\n"),
+        (":9 herds[0].load.forward_m: 0.2: 'behind_m' says where already",),
+    ),
+    Bad("load key", *more("  load: {mas_kg: 9}\n"), ("load.mas_kg: unknown key 'mas_kg' (did you mean 'mass_kg'?",)),
+    Bad(
+        "nobody has a load",
+        *more("events:\n- {at_s: 1, load: pick_up}\n"),
+        (":10 events[0].load: 'pick_up': nobody there has a load (herds: people)",),
+    ),
+    Bad("load thrown", *more("events:\n- {at_s: 1, load: throw}\n"), (":10 events[0].load: 'throw': must be",)),
+    Bad(
+        "stops before it walks",
+        *more("  responses: {transitions: {walk_below_m_s: 1, stop_below_m_s: 1.5}}\n"),
+        (":9 herds[0].responses.transitions.stop_below_m_s: 1.5: must be below walk_below_m_s 1",),
+    ),
+    Bad(
+        "no hysteresis", *more("  responses: {transitions: {hysteresis: 0}}\n"), ("transitions.hysteresis: 0: must be",)
+    ),
+    Bad("reaction", *more("  responses: {reaction_s: 0}\n"), (":9 herds[0].responses.reaction_s: 0: must be",)),
+    Bad(
+        "arms up and down",
+        *more("  arms_up: false\n  responses: {arms: {}}\n"),
+        (":10 herds[0].responses.arms: arms of this herd stay down",),
+    ),
+    Bad("elbow", *more("  responses: {arms: {most_elbow_deg: 180}}\n"), ("arms.most_elbow_deg: 180: must be",)),
+    Bad("response", *more("  responses: {transition: {}}\n"), ("unknown key 'transition' (did you mean",)),
 ]
