@@ -69,8 +69,10 @@ def rasterize(xy: np.ndarray, nearness: np.ndarray, size: tuple[int, int]) -> Vi
     number = np.nonzero(usable & (span > 0).all(1))[0]
     if len(number) == 0:
         return Visible(np.full((height, width), -1), np.zeros((height, width), np.float32))
-    low, span = low[number].astype(np.int64), span[number].astype(np.int64)
     slope, offset = edge_functions(xy[number])
+    seen = np.isfinite(slope).all((1, 2))  # not the ones seen edge on
+    number, slope, offset = number[seen], slope[seen], offset[seen]
+    low, span = low[number].astype(np.int64), span[number].astype(np.int64)
     at_low = offset + np.einsum("tkc,tc->tk", slope, low + 0.5 - xy[number, 0])
     near = nearness[number]
     near_slope, near_low = np.einsum("tkc,tk->tc", slope, near), np.sum(at_low * near, 1)

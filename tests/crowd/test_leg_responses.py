@@ -78,3 +78,20 @@ def test_any_number_of_legs() -> None:
     assert not arrays["fault"].any() and np.isfinite(arrays["heel"]).all()
     planted = arrays["contact"][1:] & arrays["contact"][:-1]
     assert np.linalg.norm(np.diff(arrays["handle"], axis=0), axis=-1)[planted].max() < 1e-5
+
+
+def test_side_steps_against_a_stream_from_the_side() -> None:
+    """The stream carries walkers aside by its force over the lateral gain; feet step with them and stay on their sides,
+    and the body keeps facing where it goes."""
+    stream = {"fluid": "water", "surface_m": 0.5, "flow_m_s": [0.9, 0.0, 0.0]}
+    model = scenario([herd("p", "human", 4, 1.2, responses={"leg_clearance": {}})], gait="semi_procedural")
+    arrays = run(model | {"world": {"ground": {"kind": "flat"}, "fluids": [stream]}}, 8.0)["p"]
+    late = slice(240, None)
+    drift = arrays["velocity"][late, :, 0].mean(0)
+    assert np.all(drift > 0.1)
+    np.testing.assert_allclose(drift, arrays["drag_force"][late, :, 0].mean(0) / 250.0, rtol=0.05)
+    across = arrays["handle"][late, :, 0, 0] - arrays["handle"][late, :, 1, 0]
+    assert across.min() > 0.05
+    assert np.abs(arrays["yaw"][late]).max() < np.radians(12)
+    planted = arrays["contact"][1:] & arrays["contact"][:-1]
+    assert np.linalg.norm(np.diff(arrays["handle"], axis=0), axis=-1)[planted].max() < 1e-5

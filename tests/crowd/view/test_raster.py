@@ -86,6 +86,13 @@ def test_unusable_triangles_are_skipped():
     assert np.asarray(draw(Geometry(), FRONT, SIZE)).std() > 0  # sky alone
 
 
+def test_triangles_seen_edge_on_are_skipped():
+    line = np.array([[1.0, 1.0], [9.0, 9.0], [5.0, 5.0]])
+    behind = np.array([[0.0, 0.0], [12.0, 0.0], [0.0, 12.0]])
+    seen = zbuffer.rasterize(np.stack([behind, line]), np.array([[1.0] * 3, [2.0] * 3]), (12, 12))
+    assert np.isfinite(seen.nearness).all() and set(np.unique(seen.triangle)) == {-1, 0}
+
+
 def test_water_tints_what_is_below_it_and_only_there():
     pole = Body(
         np.array([[[-0.2, 0.0, 0.0], [0.2, 0.0, 0.0], [0.2, 2.0, 0.0], [-0.2, 2.0, 0.0]]]),
