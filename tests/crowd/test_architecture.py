@@ -45,6 +45,7 @@ ROOMS: list[tuple[str, ...]] = [
         "crowd.stride_assets",
         "crowd.herd_assets",
         "crowd.herd_responses",
+        "crowd.leg_responses",
         "crowd.water_assets",
         "crowd.stride_assets",
         "crowd.initial",
