@@ -15,11 +15,24 @@ from crowd.errors import InputError
 if TYPE_CHECKING:
     from crowd.footfalls import foot_events
     from crowd.live import Stepper, stepper
+    from crowd.rollouts import Rollout, rollout
     from crowd.scene import Scene, load
     from crowd.simulate import Result, simulate
 
 __version__ = "0.1.0"
-__all__ = ["InputError", "Result", "Scene", "Stepper", "__version__", "foot_events", "load", "simulate", "stepper"]
+__all__ = [
+    "InputError",
+    "Result",
+    "Rollout",
+    "Scene",
+    "Stepper",
+    "__version__",
+    "foot_events",
+    "load",
+    "rollout",
+    "simulate",
+    "stepper",
+]
 
 # What brings JAX, which `import crowd` need not wait for: name -> module.
 _LAZY = {
@@ -27,6 +40,8 @@ _LAZY = {
     "Scene": "crowd.scene",
     "simulate": "crowd.simulate",
     "Result": "crowd.simulate",
+    "rollout": "crowd.rollouts",
+    "Rollout": "crowd.rollouts",
     "foot_events": "crowd.footfalls",
     "stepper": "crowd.live",
     "Stepper": "crowd.live",
