@@ -15,7 +15,7 @@ from crowd.build import Program, build
 from tests.crowd.scenes import herd, scenario
 
 FRAMES, STEP = 75, 1e-5
-QUICKLY = {"xla_backend_optimization_level": 0}  # the programs run once
+QUICKLY: dict[str, Any] = {"xla_backend_optimization_level": 0}  # the programs run once
 # factors on C_D0, on B and on the velocity gain; goo, so that each matters
 DIRECTION = np.array([1.0, -0.6, 0.3])
 
