@@ -8,14 +8,9 @@ import pytest
 from tests.crowd.scenes import herd, run, scenario
 
 SPEED, SECONDS, SETTLED = 1.3, 10.0, 3.0
-DENSITIES = (
-    1000.0,
-    1840.0,
-    2750.0,
-    5000.0,
-    10_000.0,
-)  # who walks; then who stands in a flow, in the first and the last
-FLOW = 1.0  # m/s, along +x
+# kg/m3: who walks; after them who stands in a flow, in the first and in the last
+DENSITIES = (1000.0, 1840.0, 2750.0, 5000.0, 10_000.0)
+FLOW = 1.0  # m/s, along +z
 RATES = (15, 60, 240)
 # of the mean speed in water against 240 Hz; the difference of footsteps goes with the time step
 CLOSE = {
