@@ -243,11 +243,10 @@ def _rained(scene: Scene, herd: HerdScene) -> dict[str, np.ndarray | None]:
     return dict(number=((first + np.arange(herd.count)) % 2**31).astype(np.int32), rain=rows)
 
 
-def _character(scene: Scene, herd: HerdScene) -> dict[str, Any]:
-    """Fields of a herd's `Character`, not yet in tiles."""
-    mass, scale = herd.mass, herd.scale
-    heavy = mass / PERSON_MASS
-    size = scale * extent(herd) / PERSON_SIZE
+def gains(herd: HerdScene) -> dict[str, np.ndarray]:
+    """Controller gains [n] by their names in `Character`: those given, others by mass and size (Froude similarity)."""
+    heavy = herd.mass / PERSON_MASS
+    size = herd.scale * extent(herd) / PERSON_SIZE
     usual = GAINS | (MEASURED if herd.model.gains.preset == "measured" else {})
     values = {name: heavy * value for name, value in usual.items()}
     for group in (YAW, PITCH):
@@ -255,10 +254,15 @@ def _character(scene: Scene, herd: HerdScene) -> dict[str, Any]:
     for name, key in KEYS.items():
         given = getattr(herd.model.gains, key)
         if given is not None:
-            values[name] = np.full_like(mass, given)
+            values[name] = np.full_like(herd.mass, given)
+    return values
+
+
+def _character(scene: Scene, herd: HerdScene) -> dict[str, Any]:
+    """Fields of a herd's `Character`, not yet in tiles."""
     return dict(
-        scale=scale,
-        mass=mass,
+        scale=herd.scale,
+        mass=herd.mass,
         speed=herd.speed,
         **_guidance(herd),
         impulse=_chosen(scene, herd, impulses=True),
@@ -266,7 +270,7 @@ def _character(scene: Scene, herd: HerdScene) -> dict[str, Any]:
         style=_playing(scene, herd),
         **_rained(scene, herd),
         displaced=_displaced(herd) if scene.scenario.world.buoyancy else None,
-        **values,
+        **gains(herd),
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from crowd.check_gains import gain_warnings
 from crowd.ground_walk import walk_notes
 from crowd.scenario_check import recording_bytes
 from crowd.scene import HerdScene, Scene
@@ -40,6 +41,7 @@ class Needs:
 
     herds: tuple[HerdNeeds, ...]
     notes: tuple[str, ...]  # what importers were unsure of, gaps in height maps
+    warnings: tuple[str, ...] = ()  # gains that are too soft for the drag
 
     @property
     def memory(self) -> int:
@@ -57,10 +59,24 @@ def needs(scene: Scene, frames: int | None = None) -> Needs:
     count = scene.scenario.frame_count if frames is None else frames
     seconds = count / scene.scenario.rate_hz
     notes = [*scene.terrain.notes]
-    notes += walk_notes(scene.terrain, {herd.name: _way(herd, seconds) for herd in scene.herds})
+    ways = {herd.name: _way(herd, seconds) for herd in scene.herds}
+    notes += walk_notes(scene.terrain, ways)
     for herd in scene.herds:
         notes += [f"{herd.name}: {note}" for note in (*herd.archetype.notes, *herd.notes)]
-    return Needs(tuple(_needs(scene, herd, count) for herd in scene.herds), tuple(dict.fromkeys(notes)))
+    warnings = gain_warnings(scene, {herd.name: _places(herd, ways[herd.name]) for herd in scene.herds})
+    herds = tuple(_needs(scene, herd, count) for herd in scene.herds)
+    return Needs(herds, tuple(dict.fromkeys(notes)), tuple(warnings))
+
+
+def _places(herd: HerdScene, way: np.ndarray) -> np.ndarray:
+    """Points [k, 2] (x, z) that characters of a herd come by. way: the corners [n, m, 2] of `_way`."""
+    some = way[:: max(1, len(way) // 64)]
+    share = np.linspace(0.0, 1.0, 65)[:, None, None]
+    legs = [a + (b - a) * share for a, b in zip(some.swapaxes(0, 1)[:-1], some.swapaxes(0, 1)[1:], strict=True)]
+    found = [way.reshape(-1, 2), *(leg.reshape(-1, 2) for leg in legs)]
+    found += [herd.curve.points] if herd.curve is not None else []
+    found += [herd.track.place.reshape(-1, 2)] if herd.track is not None else []
+    return np.concatenate(found)
 
 
 def _way(herd: HerdScene, seconds: float) -> np.ndarray:

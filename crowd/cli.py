@@ -109,6 +109,8 @@ def check(scenario: ScenarioFile, overrides: Overrides = None) -> None:
         print(herd)
     for note in found.notes:
         print(f"note: {note}")
+    for warning in found.warnings:
+        print(f"warning: {warning}")
     print(f"{scene.count:,} characters, {scene.scenario.frame_count:,} frames at {scene.scenario.rate_hz} Hz")
     print(f"memory about {readable(found.memory)}, recording about {readable(found.recording)} before compression")
     print("ok")

@@ -132,6 +132,8 @@ def _announce(scene: Scene, found: check.Needs, frames: int, devices: int) -> No
         print(herd)
     for note in found.notes:
         print(f"note: {note}")
+    for warning in found.warnings:
+        print(f"warning: {warning}")
     print(
         f"{scenario.name}: {scene.count:,} characters, {frames:,} frames at {scenario.rate_hz} Hz on "
         f"{devices} device{'s' if devices > 1 else ''}, recording about {check.readable(found.recording)} "

@@ -35,7 +35,8 @@ class Drag(Model):
     submersion: Literal["clipped", "centroid"] = "clipped"
     """clipped: triangles are cut at the surface. centroid: wet when the centroid is (the paper)."""
     b_mode: Literal["area", "paper"] = "area"
-    """How the offset force is shared: by area (independent of the mesh), or the same for every triangle (the paper)."""
+    """How the offset force is shared: by area (independent of the mesh), or the same for every triangle (the paper);
+    the constants of fluids.yaml are meant for area, those of fluids_belt.yaml for paper and people with a belt."""
 
 
 class Record(Model):

@@ -6,6 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
+from crowd.scenario_belt import Belt
 from crowd.scenario_control import Distance, Facing, Limits, Route, Trajectories, Waypoints
 from crowd.scenario_responses import Load, Responses
 from crowd.scenario_styles import NORMAL, ClipName, Styles
@@ -200,6 +201,8 @@ class Herd(Model):
     """Ways of moving beside the character's own: style: {idle: ..., walk: [...], run: [...], step: [...]}."""
     body_density_kg_m3: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=100, le=5000)] = 985.0
     """Mass over volume, for buoyancy; the mesh counts as that large. A person with air in the lungs: 980 to 1000."""
+    belt: Flag | Belt = False
+    """true: with a belt, a small patch of 2000 triangles at the front, under which medians over triangles lie."""
     arms_up: Flag = True
     """Arms are kept above the surface in deep fluid."""
     load: Load | None = None

@@ -75,7 +75,7 @@ class Fluid(Model):
     density_kg_m3: Density
     drag_coefficient: NotNegative | None = None
     offset_force_n: NotNegative | None = None
-    """N per 0.2 m2 of surface facing the flow."""
+    """N per 0.2 m2 of surface facing the flow; with `drag.b_mode: paper` N per triangle."""
 
 
 class FluidTable(Model):

@@ -18,11 +18,13 @@ from crowd.analysis.foot import Foot
 from crowd.analysis.gait import Gait, analyse
 from crowd.analysis.motion import Motion
 from crowd.analysis.motion_set import Entry, MotionSet, default_clips, motion_set
+from crowd.characters.belt import with_belt
 from crowd.curves import Curve
 from crowd.errors import InputError, Problem, fail
 from crowd.ground import Ground
 from crowd.ground_water import WaterGrid, water_grid
 from crowd.scenario import Scenario
+from crowd.scenario_belt import Belt
 from crowd.scenario_herd import Herd
 from crowd.scenario_styles import NORMAL
 from crowd.styles import Play, Repertoire, StyleClips, repertoire, unmet
@@ -133,7 +135,7 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Sequence[
             if key not in cache:
                 place = partial(scenario.where, "herds", index, "styles")
                 cache[key] = characters.load(model.archetype, scenario.folder, model.rig, model.styles, place)
-            herds.append(_herd(scenario, index, cache[key], terrain))
+            herds.append(_herd(scenario, index, _dressed(scenario, index, cache[key]), terrain))
         except InputError as error:
             problems += error.problems
     if problems := problems or unmet(scenario, herds):
@@ -142,6 +144,15 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Sequence[
     if problems := _buried(scene):
         raise InputError(problems)
     return scene
+
+
+def _dressed(scenario: Scenario, index: int, archetype: Archetype) -> Archetype:
+    """The archetype with the belt that the herd asks for."""
+    belt = scenario.herds[index].belt
+    if belt is False:
+        return archetype
+    asked = Belt() if belt is True else belt
+    return with_belt(archetype, asked.triangles, asked.area_m2, scenario.where("herds", index, "belt"))
 
 
 def _buried(scene: Scene) -> list[Problem]:

@@ -14,7 +14,7 @@ from crowd.report_plots import figure, finish
 from crowd.view.palette import HERD_COLORS, INK, QUIET
 
 SHOWN = 6.0  # s of a speed curve
-BLUES = ("#a6cee3", "#6baed6", "#3182bd", "#08519c", "#08306b")  # shallow to deep
+BLUES = ("#c6dbef", "#9ecae1", "#6baed6", "#3182bd", "#08519c", "#08306b")  # shallow to deep
 FLUID_COLORS = dict(zip(FLUIDS, ("#0072b2", "#a6611a", "#4d9221"), strict=True))
 
 
@@ -77,19 +77,23 @@ def table(study: Study, path: Path) -> Path:
     place = np.arange(len(FLUIDS))
     ours = [100 * study.walks[f"{fluid} waist"].remaining for fluid in FLUIDS]
     found = [medians(study, fluid) for fluid in FLUIDS]
+    belt = [] if study.belt is None else [medians(study.belt, fluid).median for fluid in FLUIDS]
     for shift, values, color, label in (
         (-0.2, [100 * TABLE[fluid][1] for fluid in FLUIDS], QUIET, "paper (a person)"),
         (0.2, ours, HERD_COLORS[4], f"ours ({study.archetype})"),
     ):
         bars = speed.bar(place + shift, values, 0.38, color=color, label=label)
         speed.bar_label(bars, fmt="%.1f", fontsize=8)
-    for shift, values, color, label in (
-        (-0.27, [TABLE[fluid][0] for fluid in FLUIDS], QUIET, None),
-        (0.0, [one.median for one in found], HERD_COLORS[4], "median over triangles"),
-        (0.27, [one.aggregate for one in found], HERD_COLORS[6], "aggregate"),
-    ):
-        bars = coefficient.bar(place + shift, values, 0.26, color=color, label=label)
-        coefficient.bar_label(bars, fmt="%.3g", fontsize=8)
+    kinds = [
+        ([TABLE[fluid][0] for fluid in FLUIDS], QUIET, None),
+        ([one.median for one in found], HERD_COLORS[4], "median over triangles"),
+        *([(belt, HERD_COLORS[0], "the same with a belt, B per triangle")] if belt else []),
+        ([one.aggregate for one in found], HERD_COLORS[6], "aggregate"),
+    ]
+    for number, (values, color, label) in enumerate(kinds):
+        shift = 0.21 * (number - 0.5 * (len(kinds) - 1))
+        bars = coefficient.bar(place + shift, values, 0.2, color=color, label=label)
+        coefficient.bar_label(bars, fmt="%.3g", fontsize=7)
     coefficient.set_yscale("log")
     for each in (speed, coefficient):
         each.set_xticks(place, FLUIDS)

@@ -11,16 +11,20 @@ from typing import Any
 import numpy as np
 
 from crowd import characters, posing, simulate
+from crowd.characters.belt import with_belt
 from crowd.characters.builtin import NAMES
-from crowd.errors import fail
+from crowd.errors import InputError, fail
+from crowd.scenario import configs_folder
 from crowd.scene import Scene, locomotion
 from crowd.scene import load as load_scene
+from crowd.types import Archetype
 
 RATE, SECONDS = 60, 16.0
 WIDTH = 6.0  # heights of the character between two pools
-DEPTHS = {"ankle": 0.06, "knee": 0.54, "thigh": 0.75, "waist": 1.0, "chest": 1.35}  # of the hips' height
+DEPTHS = {"ankle": 0.06, "shin": 0.39, "knee": 0.54, "thigh": 0.75, "waist": 1.0, "chest": 1.35}  # of the hips' height
 QUADRUPED_DEPTHS = DEPTHS | {"chest": 1.15}  # its back is not far above its hips
 FLUIDS = ("water", "mud", "goo")
+BELT_FLUIDS = "fluids_belt.yaml"  # constants with B for every triangle of a body with a belt
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,7 @@ class Study:
     scene: Scene
     hip: float  # m
     walks: dict[str, Walk]
+    belt: Study | None = None  # waist-deep in every fluid with a belt, B for every triangle; None: nowhere to wear it
 
     def depth_series(self) -> list[Walk]:
         """Water, from shallow to deep."""
@@ -102,6 +107,26 @@ def study(archetype: str, folder: Path, cache: Path) -> Study:
         for number, pool in enumerate(group):
             mine = {name: values[:, number] for name, values in arrays[herd].items()}
             walks[pool.name] = Walk(pool, depths[pool.depth] * hip, speeds[pool.jogs], mine)
+    return Study(archetype, loaded, hip, walks, _belted(archetype, character, hip, speeds[False], cache))
+
+
+def _belted(archetype: str, character: Archetype, hip: float, speed: float, cache: Path) -> Study | None:
+    """Waist-deep walks with a belt, the offset force as printed (the same for every triangle)."""
+    try:
+        with_belt(character)
+    except InputError:
+        return None
+    wanted = [Pool(f"{fluid} waist", fluid, "waist") for fluid in FLUIDS]
+    model = scenario(archetype, wanted, {"waist": hip}, {False: speed}, character.height)
+    model["fluids"] = str(configs_folder() / BELT_FLUIDS)
+    model["drag"]["b_mode"] = "paper"
+    model["herds"][0]["belt"] = True
+    loaded = load_scene(model)
+    arrays = _stepped(loaded, model, cache)["arms_up"]
+    walks = {
+        pool.name: Walk(pool, hip, speed, {name: values[:, number] for name, values in arrays.items()})
+        for number, pool in enumerate(wanted)
+    }
     return Study(archetype, loaded, hip, walks)
 
 

@@ -12,8 +12,11 @@ from crowd import compile_cache
 from crowd.figures.plots import PLOTS
 from crowd.figures.pools import FLUIDS, Study, study
 from crowd.figures.poses import figure_5
-from crowd.figures.statements import TABLE, Check, checks, force, medians, torque
+from crowd.figures.statements import PERSON, TABLE, Check, checks, force, medians, torque
 
+TABLE_HEAD = [
+    "fluid", "paper_median_c_d", "median_c_d", "aggregate_c_d", "skew", "paper_remaining", "remaining",
+]  # fmt: skip
 CHECKS, WALKS, CURVES = "checks.csv", "walks.csv", "speed.csv"
 
 
@@ -29,6 +32,8 @@ def run_figures(archetypes: tuple[str, ...], out: Path) -> bool:
         good &= all(check.passed for check in results)
         print(f"{found.archetype}: hips at {found.hip:.2f} m, {len(found.walks)} pools -> {folder}")
         _print(results)
+        if found.archetype != PERSON:
+            print(f"  {_belt(found.belt)}")
     return good
 
 
@@ -50,8 +55,9 @@ def write(found: Study, folder: Path) -> list[Check]:
         ["pool", "fluid", "depth_m", "asked_m_s", "remaining", "force_n", "pitch_torque_n_m"],
         _walks(found),
     )
-    _csv(folder / "table_1.csv", ["fluid", "paper_median_c_d", "median_c_d", "aggregate_c_d", "skew", "paper_remaining",
-                                  "remaining"], _table(found))  # fmt: skip
+    _csv(folder / "table_1.csv", TABLE_HEAD, _table(found))
+    if found.belt is not None:
+        _csv(folder / "table_1_belt.csv", TABLE_HEAD, _table(found.belt))
     names = list(found.walks)
     curves = np.stack([found.walks[name].speed for name in names], 1)
     rows = [[f"{(t + 1) / 60:.4f}", *(f"{value:.5f}" for value in row)] for t, row in enumerate(curves)]
@@ -77,6 +83,15 @@ def _table(found: Study) -> list[list[str]]:
         numbers = (TABLE[fluid][0], one.median, one.aggregate, one.skew, TABLE[fluid][1], remaining)
         rows.append([fluid, *(f"{number:.4g}" for number in numbers)])
     return rows
+
+
+def _belt(found: Study | None) -> str:
+    """Medians of a body that the constants were not fitted to: told, not held against the paper's."""
+    if found is None:
+        return "with a belt: no trunk under its hips to wear one on"
+    told = ((found.walks[f"{fluid} waist"].remaining, medians(found, fluid)) for fluid in FLUIDS)
+    each = (f"{100 * left:.0f} %, {one.median:.3g}, 1/{1 / one.skew:.0f}" for left, one in told)
+    return f"with a belt and a person's B: remaining speed, median C_D and skew are {'; '.join(each)}"
 
 
 def _csv(path: Path, head: list[str], rows: list[list[object]] | list[list[str]]) -> None:

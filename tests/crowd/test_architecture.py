@@ -60,7 +60,7 @@ ROOMS: list[tuple[str, ...]] = [
     ("crowd.view",),
     ("crowd.report*", "crowd.export", "crowd.triangle_statistics"),
     ("crowd.tuning", "crowd.figures"),
-    ("crowd.analyze", "crowd.tune", "crowd.check", "crowd.doctor", "crowd.run", "crowd.rig"),
+    ("crowd.analyze", "crowd.tune", "crowd.check*", "crowd.doctor", "crowd.run", "crowd.rig"),
     ("crowd.cli", "crowd.__main__"),
 ]
 MODULES = {

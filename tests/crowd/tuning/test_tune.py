@@ -62,11 +62,16 @@ def test_the_gradient_is_the_slope_over_five_and_ten_percent(wading: Evaluation)
 
 
 def test_lanes_are_plain_runs(wading: Evaluation) -> None:
-    """What a lane measures is what the scenario does with those constants, whatever the lanes beside it."""
+    """What a lane measures is what the scenario does with those constants, whatever the lanes beside it.
+
+    The gradient of so many lanes, 64, needs less than 0.5 GB for 600 frames.
+    """
     rng = np.random.default_rng(0)
-    places = rng.uniform(0.2, 0.8, (5, 2))
+    places = rng.uniform(0.2, 0.8, (32, 2))
     values, _ = wading.quantities(places)
     np.testing.assert_allclose(values[3, 0], wading.verified(places[3])[0], atol=2e-4)
+    seconds = WADING["horizon"]["lead_s"] + WADING["horizon"]["window_s"]
+    assert 1e6 < wading.memory / (60 * seconds) * 600 < 0.5e9
     np.testing.assert_allclose(wading.quantities(places[3:4])[0][0], values[3], atol=1e-5)
 
 
