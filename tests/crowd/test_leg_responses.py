@@ -80,6 +80,16 @@ def test_any_number_of_legs() -> None:
     assert np.linalg.norm(np.diff(arrays["handle"], axis=0), axis=-1)[planted].max() < 1e-5
 
 
+def test_pushed_walkers_never_cross_their_feet() -> None:
+    push = [{"at_s": at, "characters": [n], "impulse_n_s": [150.0, 0.0, 0.0]} for n, at in enumerate((1.0, 1.2, 1.4, 1.6))]
+    one = herd("p", "human", 4, responses={"leg_clearance": {}})
+    arrays = run(scenario([one], events=push, gait="semi_procedural"), 5.0)["p"]
+    assert np.ptp(arrays["position"][..., 0], axis=0).min() > 0.5
+    left, right = arrays["handle"][..., 0, 0], arrays["handle"][..., 1, 0]
+    assert (left - right).min() > 0.0
+    assert not (gaps(arrays) < 0.03).any()
+
+
 def test_side_steps_against_a_stream_from_the_side() -> None:
     """The stream carries walkers aside by its force over the lateral gain; feet step with them and stay on their sides,
     and the body keeps facing where it goes."""
