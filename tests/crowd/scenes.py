@@ -17,6 +17,13 @@ def herd(name: str, archetype: str, count: int, speed: float | None = 1.3, **mor
     return model if speed is None else {"speed_m_s": speed, **model}
 
 
+def beside(*herds: dict[str, Any]) -> list[dict[str, Any]]:
+    """The herds, of one character each, 3 m apart."""
+    return [
+        {**each, "place": {"kind": "list", "points_m": [[3.0 * i, 0.0]]}, "count": 1} for i, each in enumerate(herds)
+    ]
+
+
 def scenario(herds: Sequence[dict[str, Any]], surface: float | None = None, **more: Any) -> dict[str, Any]:
     """A scenario on flat ground, recorded every frame; `surface`: depth of still water everywhere."""
     fluids = [] if surface is None else [{"fluid": more.pop("fluid", "water"), "surface_m": surface}]
