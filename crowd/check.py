@@ -10,6 +10,7 @@ import numpy as np
 from crowd.check_gains import gain_warnings
 from crowd.ground_walk import walk_notes
 from crowd.scenario_check import recording_bytes
+from crowd.scenario_water import WATER_HZ
 from crowd.scene import HerdScene, Scene
 
 TILE = 128  # characters are padded to whole tiles
@@ -42,16 +43,17 @@ class Needs:
     herds: tuple[HerdNeeds, ...]
     notes: tuple[str, ...]  # what importers were unsure of, gaps in height maps
     warnings: tuple[str, ...] = ()  # gains that are too soft for the drag
+    water: tuple[int, int] = (0, 0)  # bytes of a water surface while stepping, and recorded
 
     @property
     def memory(self) -> int:
         """Bytes while stepping, without the compiled program."""
-        return sum(herd.memory for herd in self.herds)
+        return self.water[0] + sum(herd.memory for herd in self.herds)
 
     @property
     def recording(self) -> int:
         """Bytes of the recording, uncompressed."""
-        return sum(herd.recording for herd in self.herds)
+        return self.water[1] + sum(herd.recording for herd in self.herds)
 
 
 def needs(scene: Scene, frames: int | None = None) -> Needs:
@@ -65,7 +67,17 @@ def needs(scene: Scene, frames: int | None = None) -> Needs:
         notes += [f"{herd.name}: {note}" for note in (*herd.archetype.notes, *herd.notes)]
     warnings = gain_warnings(scene, {herd.name: _places(herd, ways[herd.name]) for herd in scene.herds})
     herds = tuple(_needs(scene, herd, count) for herd in scene.herds)
-    return Needs(herds, tuple(dict.fromkeys(notes)), tuple(warnings))
+    return Needs(herds, tuple(dict.fromkeys(notes)), tuple(warnings), _water(scene, seconds))
+
+
+def _water(scene: Scene, seconds: float) -> tuple[int, int]:
+    """Bytes of a water surface while stepping (its state, about as much again in a frame, a chunk of heights on the
+    device and on the host), and of its recorded heights."""
+    if scene.water is None:
+        return 0, 0
+    cells = len(scene.water.x) * len(scene.water.z)
+    state = 4 * cells * (1 + 2 + 2)  # height, flow, spectrum
+    return 2 * state + 2 * 4 * cells * CHUNK, 4 * cells * math.ceil(seconds * WATER_HZ)
 
 
 def _places(herd: HerdScene, way: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from crowd.scenario_ground import Area
 from crowd.scenario_types import Flag, Model
 from crowd.scenario_yaml import KeyPath
 
+WATER_HZ = 10  # no more frames of the surface than this are kept
 MOST_CELLS, FEWEST_CELLS = 262_144, 16  # on the whole grid, and along a side
 PATH: KeyPath = ("world", "water")
 

@@ -26,6 +26,7 @@ from crowd.components import water_surface
 from crowd.errors import fail
 from crowd.layout import Layout
 from crowd.params import Params
+from crowd.scenario_water import WATER_HZ
 from crowd.scene import Scene
 from crowd.state import Frame, State, blank_frame
 from crowd.step import step
@@ -35,7 +36,6 @@ from kernels.wall import no_wall, through
 from kernels.water import Waves
 
 CHUNK = 32  # recorded frames that leave the device at once
-WATER_HZ = 10  # of a water surface no more frames than this are kept
 
 
 @dataclass(frozen=True, eq=False)

@@ -81,7 +81,9 @@ def test_any_number_of_legs() -> None:
 
 
 def test_pushed_walkers_never_cross_their_feet() -> None:
-    push = [{"at_s": at, "characters": [n], "impulse_n_s": [150.0, 0.0, 0.0]} for n, at in enumerate((1.0, 1.2, 1.4, 1.6))]
+    push = [
+        {"at_s": at, "characters": [n], "impulse_n_s": [150.0, 0.0, 0.0]} for n, at in enumerate((1.0, 1.2, 1.4, 1.6))
+    ]
     one = herd("p", "human", 4, responses={"leg_clearance": {}})
     arrays = run(scenario([one], events=push, gait="semi_procedural"), 5.0)["p"]
     assert np.ptp(arrays["position"][..., 0], axis=0).min() > 0.5

@@ -13,6 +13,7 @@ import pytest
 
 from crowd import live, scene, simulate
 from crowd.build import build
+from crowd.check import needs
 from crowd.errors import InputError
 from crowd.recorded import open_recording
 from crowd.recording import Recorder
@@ -125,6 +126,14 @@ def test_recording_keeps_the_surface(runs: dict[str, simulate.Result], tmp_path:
     np.testing.assert_array_equal(back.x, made.x)
     assert back.surface == 0.8
     np.testing.assert_allclose(np.asarray(back.height[:]), made.height, atol=1e-4)
+
+
+def test_check_counts_the_grid() -> None:
+    moved, level = scene.load(model(water={})), scene.load(model())
+    assert moved.water is not None
+    cells, seconds = len(moved.water.x) * len(moved.water.z), moved.scenario.frame_count / moved.scenario.rate_hz
+    assert needs(moved).recording - needs(level).recording == 4 * cells * round(10 * seconds)
+    assert 40 * cells < needs(moved).memory - needs(level).memory < 1000 * cells
 
 
 def test_several_devices_are_refused() -> None:
