@@ -15,6 +15,7 @@ import numpy as np
 from crowd import check, compile_cache
 from crowd.errors import fail
 from crowd.layout import TILE
+from crowd.output_folder import existing, refuse_foreign
 from crowd.progress import Progress
 from crowd.recording import Recorder
 from crowd.scenario import Scenario
@@ -51,7 +52,7 @@ def run_scenario(request: Request) -> Path:
     scenario = load_scenario(request.scenario, request.overrides)
     frames = _frames(request, scenario)
     out = request.out or Path("runs") / scenario.name
-    _refuse_foreign(out)
+    refuse_foreign(out, "run", RECORDING)
     compile_cache.enable()
     devices = use_devices(request.devices, scenario)
     scene = load_scene(scenario)
@@ -98,21 +99,6 @@ def _frames(request: Request, scenario: Scenario) -> int:
     return scenario.frame_count if request.frames is None else request.frames
 
 
-def _refuse_foreign(out: Path) -> None:
-    """`InputError` unless the folder is new, empty or an earlier run."""
-    if out.exists() and not out.is_dir():
-        raise fail(str(out), "is a file; the output is a folder")
-    if out.is_dir() and any(out.iterdir()) and not (out / RECORDING).is_dir():
-        raise fail(str(out), "is not empty and not an earlier run; choose another folder with --out or remove it")
-    if not os.access(_existing(out), os.W_OK):
-        raise fail(str(out), f"cannot be made: {_existing(out)} is not writable")
-
-
-def _existing(out: Path) -> Path:
-    """The folder, or the nearest one above it that is there already."""
-    return next(folder for folder in (out, *out.absolute().parents) if folder.exists())
-
-
 def _refuse_too_large(found: check.Needs, out: Path) -> None:
     """`InputError` for a run that cannot fit into the machine's memory or onto the disk, before compiling."""
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
@@ -120,7 +106,7 @@ def _refuse_too_large(found: check.Needs, out: Path) -> None:
         raise fail(
             "memory", f"about {check.readable(found.memory)} are needed; this machine has {check.readable(memory)}"
         )
-    free = shutil.disk_usage(_existing(out)).free
+    free = shutil.disk_usage(existing(out)).free
     if found.recording > 2 * free:  # recordings compress to about a half
         message = f"the recording needs about {check.readable(found.recording // 2)}; {check.readable(free)} are free"
         raise fail(str(out), f"{message}; record.rate_hz, record.pose or --seconds make it smaller")

@@ -11,6 +11,7 @@ import numpy as np
 
 from crowd import compile_cache
 from crowd.errors import fail
+from crowd.output_folder import refuse_foreign
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ def run_tune(request: Request) -> Path:
 
     problem = config.load(request.config, request.overrides)
     out = request.out or Path("runs") / problem.tune.name
-    _refuse_foreign(out, (outcome.FITTED, outcome.KEPT))
+    refuse_foreign(out, "search", outcome.FITTED, outcome.KEPT)
     kept = out / outcome.KEPT
     if request.resume and not kept.is_file():
         raise fail("--resume", f"{kept} is not there")
@@ -64,11 +65,3 @@ def run_tune(request: Request) -> Path:
     for name, path in files.items():
         print(f"{name:<12} {path}")
     return out
-
-
-def _refuse_foreign(out: Path, ours: tuple[str, ...]) -> None:
-    """`InputError` unless the folder is new, empty or an earlier search."""
-    if out.exists() and not out.is_dir():
-        raise fail(str(out), "is a file; the output is a folder")
-    if out.is_dir() and any(out.iterdir()) and not any((out / name).is_file() for name in ours):
-        raise fail(str(out), "is not empty and not an earlier search; choose another folder with --out or remove it")

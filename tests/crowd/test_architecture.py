@@ -23,6 +23,7 @@ ROOMS: list[tuple[str, ...]] = [
         "crowd.resampling",
         "crowd.progress",
         "crowd.cache_folder",
+        "crowd.output_folder",
     ),
     ("crowd.scenario*",),
     (
