@@ -56,7 +56,7 @@ ROOMS: list[tuple[str, ...]] = [
     ("crowd.components",),
     ("crowd.step",),
     ("crowd.unpack",),
-    ("crowd.simulate", "crowd.live", "crowd.compile_cache"),
+    ("crowd.simulate", "crowd.live", "crowd.rollouts", "crowd.compile_cache"),
     ("crowd.record*", "crowd.stances", "crowd.metrics*", "crowd.footfalls"),
     ("crowd.view",),
     ("crowd.report*", "crowd.export", "crowd.triangle_statistics"),
