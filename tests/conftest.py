@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import os
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import jax
@@ -21,6 +24,20 @@ CHECKED = sorted({path.stem for path in (REPOSITORY / "crowd").iterdir() if path
 
 # Shapes and types are checked under pytest only.
 install_import_hook(["kernels", *(f"crowd.{name}" for name in CHECKED)], "tests.typechecker.check")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _forget_programs() -> Iterator[None]:
+    """Compiled programs of a module go with it: all of them together need several GB."""
+    yield
+    for name in ("crowd.simulate", "crowd.tuning.rollout"):
+        module = sys.modules.get(name)
+        for held in ("compiled", "_jitted"):
+            if module is not None and hasattr(getattr(module, held, None), "cache_clear"):
+                getattr(module, held).cache_clear()
+        getattr(module, "_programs", {}).clear()
+    jax.clear_caches()
+    gc.collect()
 
 
 @pytest.fixture(scope="session")
