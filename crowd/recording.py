@@ -12,20 +12,20 @@ from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from io import StringIO
 from pathlib import Path
+from threading import Lock
 from types import TracebackType
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import zarr
-from zarr.codecs import BloscCodec
 
 from crowd.errors import fail
 from crowd.recorded_scene import HerdLike, SceneLike, levels_of, motions_of
+from crowd.recording_array import GrowingArray
 from crowd.recording_layout import FORMAT, GROUND, HERD, LABELS, ROOT, SIZES, STATIC_MEANINGS, STATIC_UNITS, Column
 from crowd.recording_water import WaterRecorder
 from crowd.scenario_herd import TAKEN_NAMES
 
-CHUNK_BYTES = 2 << 20  # of one array, uncompressed: a good size for reading a few characters or a few moments
 GROUND_SAMPLES = 256
 EXPECTED_FRAMES = 32  # per chunk, unless the first piece suggests otherwise
 
@@ -45,9 +45,9 @@ class ChunkLike(Protocol):
 class Recorder:
     """Writes chunks as they come. Use as a context manager.
 
-    What `append` has written stays readable, also when the program is killed: arrays that were being written then end
-    in fill values (NaN, 0), the root attribute `frames` says how many frames are whole, and `open_recording` keeps to
-    it. Leaving the context, with or without an exception, cuts every array to the whole frames.
+    What `append` has written stays readable, also when the program is killed or the disk is full: arrays grow when
+    all their frames are there, the root attribute `frames` says how many frames are whole, and `open_recording` keeps
+    to it. Leaving the context, with or without an exception, cuts every array to the whole frames.
 
     path: a new or empty folder, or an earlier recording, which is replaced; anything else raises `InputError`.
     pose: record joint rotations and translations too; without them no pictures can be drawn from the recording.
@@ -58,8 +58,9 @@ class Recorder:
         self.scene = scene
         self.pose = _wants_pose(scene) if pose is None else pose
         self.frames = 0
+        self._lock, self._closed = Lock(), False  # chunks may come from another thread than the end does
         self._water: WaterRecorder | None = None
-        self._arrays: list[tuple[zarr.Array, str, str | None]] = []  # array, its name, its herd (None: the root)
+        self._arrays: dict[tuple[str | None, str], GrowingArray] = {}  # by herd (None: the root) and name
         _refuse_names(scene)
         self._low, self._high = np.full(2, np.inf), np.full(2, -np.inf)
         _refuse_foreign(self.path)
@@ -73,10 +74,20 @@ class Recorder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close(complete=kind is None)
+        try:
+            self.close(complete=kind is None)
+        except OSError:
+            if kind is None:  # otherwise what stopped the run is told, not that its recording cannot be closed either
+                raise
 
     def append(self, chunk: ChunkLike) -> None:
         """Add recorded frames. ValueError, and nothing written, when an array is missing or has another shape."""
+        with self._lock:
+            self._append(chunk)
+
+    def _append(self, chunk: ChunkLike) -> None:
+        if self._closed:
+            raise ValueError(f"{self.path}: the recording is closed")
         count = len(chunk.time)
         if count == 0:
             return
@@ -84,13 +95,13 @@ class Recorder:
         if not self._arrays:
             self._create(count)
         end = self.frames + count
-        # All lengths change together first: a reader never meets arrays of different lengths for longer than that.
-        for array, _, _ in self._arrays:
-            array.resize((end, *array.shape[1:]))
-        for array, name, herd in self._arrays:
-            array[self.frames : end] = data[herd, name]
-        self.frames = end
+        for key, array in self._arrays.items():
+            array.write(self.frames, data[key])
+        # All lengths change together at the end: a reader never meets arrays of different lengths for longer than that.
+        for array in self._arrays.values():
+            array.extend(end)
         self._root.attrs["frames"] = end
+        self.frames = end
         water = getattr(chunk, "water", None)
         if water is not None:
             self._water = self._water or WaterRecorder(self._root, water)
@@ -102,12 +113,16 @@ class Recorder:
 
     def close(self, complete: bool = True) -> None:
         """Cut arrays to whole frames, add the ground under the characters, gather the metadata. Twice does nothing."""
-        if self._root.attrs.get("closed"):
-            return
+        with self._lock:
+            if not self._closed:
+                self._closed = True
+                self._close(complete)
+
+    def _close(self, complete: bool) -> None:
         if not self._arrays:
             self._create(EXPECTED_FRAMES)
-        for array, _, _ in self._arrays:
-            array.resize((self.frames, *array.shape[1:]))
+        for array in self._arrays.values():
+            array.cut(self.frames)
         self._write_ground()
         self._root.attrs.update({"complete": complete, "closed": True})
         with warnings.catch_warnings():
@@ -127,9 +142,10 @@ class Recorder:
                 shape = (count, *(_sizes(herd)[dim] for dim in column.dims))
                 if value.shape != shape:
                     raise ValueError(f"{herd.name}.{name}: shape {value.shape}, expected {shape}")
-                data[herd.name, name] = value.astype(column.dtype)
+                data[herd.name, name] = value
         for name in ROOT:
-            data[None, name] = np.concatenate([data.pop((herd.name, name)) for herd in self.scene.herds], 1)
+            parts = [data.pop((herd.name, name)) for herd in self.scene.herds]
+            data[None, name] = parts[0] if len(parts) == 1 else np.concatenate(parts, 1)
         return data
 
     def _herd_columns(self, herd: HerdLike) -> dict[str, Column]:
@@ -142,16 +158,20 @@ class Recorder:
     def _create(self, frames: int) -> None:
         """Empty arrays, cut along time as the chunks come."""
         span = frames if 8 <= frames <= 128 else EXPECTED_FRAMES
-        self._arrays.append((_growing_time(self._root), "time", None))
-        sizes = SIZES | {"character": self._characters}
-        for name, column in ROOT.items():
-            self._arrays.append((_growing(self._root, name, column, sizes, span), name, None))
+        self._grow(self._root, None, ROOT, SIZES | {"character": self._characters}, span)
         for herd in self.scene.herds:
             group = self._root[herd.name]
             assert isinstance(group, zarr.Group)
-            self._arrays.append((_growing_time(group), "time", herd.name))
-            for name, column in self._herd_columns(herd).items():
-                self._arrays.append((_growing(group, name, column, _sizes(herd), span), name, herd.name))
+            self._grow(group, herd.name, self._herd_columns(herd), _sizes(herd), span)
+
+    def _grow(
+        self, group: zarr.Group, herd: str | None, columns: dict[str, Column], sizes: dict[str, int], span: int
+    ) -> None:
+        """Empty arrays of one group, time among them."""
+        self._arrays[herd, "time"] = GrowingArray(self.path, group, "time", TIME, (), TIME_SPAN)
+        for name, column in columns.items():
+            shape = tuple(sizes[dim] for dim in column.dims)
+            self._arrays[herd, name] = GrowingArray(self.path, group, name, column, shape, span)
 
     def _write_static(self) -> None:
         """What does not change: who is who, bodies, skeletons, skins."""
@@ -182,6 +202,8 @@ class Recorder:
 
 
 CHARACTER_DIM = ("character",)
+TIME = Column((), "s", "simulated time since the start", np.float64)
+TIME_SPAN = 4096
 KEYS = ("lift", "liftoff", "postlift", "preland", "strike", "land")
 
 
@@ -250,35 +272,6 @@ def _refuse_names(scene: SceneLike) -> None:
 def _sizes(herd: HerdLike) -> dict[str, int]:
     legs, joints = len(herd.archetype.legs), herd.archetype.skeleton.count
     return SIZES | {"character": herd.count, "leg": legs, "joint": joints, "motion": len(motions_of(herd))}
-
-
-def _growing(group: zarr.Group, name: str, column: Column, sizes: dict[str, int], span: int) -> zarr.Array:
-    """An empty array with a time axis; long ones are cut along the characters too."""
-    tail = tuple(sizes[dim] for dim in column.dims)
-    each = int(np.prod(tail[1:], dtype=np.int64)) * np.dtype(column.dtype).itemsize
-    people = int(np.clip(CHUNK_BYTES // max(span * each, 1), 1, max(tail[0], 1)))
-    return group.create_array(
-        name,
-        shape=(0, *tail),
-        chunks=(span, people, *(max(size, 1) for size in tail[1:])),
-        dtype=column.dtype,
-        fill_value=np.nan if np.issubdtype(column.dtype, np.floating) else 0,
-        compressors=BloscCodec(cname="zstd", clevel=2, shuffle="bitshuffle"),
-        dimension_names=("time", *column.dims),
-        attributes={"units": column.unit, "description": column.description},
-    )
-
-
-def _growing_time(group: zarr.Group) -> zarr.Array:
-    return group.create_array(
-        "time",
-        shape=(0,),
-        chunks=(4096,),
-        dtype=np.float64,
-        fill_value=np.nan,
-        dimension_names=("time",),
-        attributes={"units": "s", "description": "simulated time since the start"},
-    )
 
 
 def _fixed(
