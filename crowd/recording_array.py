@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from zarr.codecs import BloscCodec, TransposeCodec
 from crowd.recording_layout import Column
 
 BLOCK_BYTES = 2 << 20  # of one array, uncompressed: a good size for reading a few characters or a few moments
+METADATA = "zarr.json"
 LEVEL = 1  # measured on poses: 2.5 GB/s on a core; zstd is five times slower for a tenth less
 
 
@@ -46,11 +46,14 @@ class GrowingArray:
             fill_value=self.fill,
             filters=[TransposeCodec(order=_turned(range(len(block))))] if len(shape) > 1 else [],
             compressors=BloscCodec(cname="lz4", clevel=LEVEL, shuffle="shuffle"),
+            chunk_key_encoding={"name": "default", "separator": "."},  # "/" would make folders of one file
             dimension_names=("time", *column.dims),
             attributes={"units": column.unit, "description": column.description},
         )
         self._folder = root / array.path
-        self._about = json.loads((self._folder / "zarr.json").read_text(encoding="utf-8"))
+        self._about = json.loads((self._folder / METADATA).read_text(encoding="utf-8"))
+        self._room = len(json.dumps(self._about)) + len(str(2**63))
+        stored(self._folder / METADATA, self._metadata(0))
         self._partial: np.ndarray | None = None  # the last block, while it is not full
 
     def write(self, start: int, values: np.ndarray) -> None:
@@ -70,16 +73,22 @@ class GrowingArray:
 
     def extend(self, frames: int) -> None:
         """Show that many frames to readers."""
-        self._about["shape"][0] = frames
-        stored(self._folder / "zarr.json", json.dumps(self._about).encode())
+        # One write over as many bytes: replacing the file would make some file systems wait for the disk every time.
+        with (self._folder / METADATA).open("r+b", buffering=0) as file:
+            file.write(self._metadata(frames))
 
     def cut(self, frames: int) -> None:
         """The same, and remove blocks beyond, left by a write that broke off."""
         self.extend(frames)
         beyond = -(-frames // self.span)
-        for folder in (self._folder / "c").glob("[0-9]*"):
-            if int(folder.name) >= beyond:
-                shutil.rmtree(folder) if folder.is_dir() else folder.unlink()
+        for path in self._folder.glob("c.*"):
+            if int(path.name.split(".")[1]) >= beyond:
+                path.unlink()
+
+    def _metadata(self, frames: int) -> bytes:
+        """Of the array with that many frames; always of the same length."""
+        self._about["shape"][0] = frames
+        return json.dumps(self._about).ljust(self._room).encode()
 
     def _completed(self, at: int, piece: np.ndarray) -> np.ndarray:
         """The block that the piece belongs to, from frame `at` of it on; fill values where nothing is yet."""
@@ -93,18 +102,18 @@ class GrowingArray:
 
     def _write_block(self, number: int, values: np.ndarray) -> None:
         """Block `number` along time, values [span, ..., character]: a file for every few characters."""
-        folder = self._folder / "c" / str(number)
+        name = f"c.{number}"
         if not self.shape:
-            stored(folder, encoded(values, self.dtype))
+            stored(self._folder / name, encoded(values, self.dtype))
             return
-        rest = ("0",) * (len(self.shape) - 1)
+        rest = ".0" * (len(self.shape) - 1)
         for first in range(0, self.shape[0], self.people):
             piece = values[..., first : first + self.people]
             if piece.shape[-1] < self.people:
                 whole = np.full((*piece.shape[:-1], self.people), self.fill, self.dtype)
                 whole[..., : piece.shape[-1]] = piece
                 piece = whole
-            stored(folder.joinpath(str(first // self.people), *rest), encoded(piece, self.dtype))
+            stored(self._folder / f"{name}.{first // self.people}{rest}", encoded(piece, self.dtype))
 
 
 def encoded(values: np.ndarray, dtype: np.dtype) -> bytes:
@@ -114,13 +123,9 @@ def encoded(values: np.ndarray, dtype: np.dtype) -> bytes:
 
 def stored(path: Path, content: bytes) -> None:
     """A file replaced whole or not at all, whatever happens meanwhile."""
-    part = path.with_suffix(".partial")
+    part = path.with_name(f"{path.name}.partial")
     try:
-        try:
-            part.write_bytes(content)
-        except FileNotFoundError:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            part.write_bytes(content)
+        part.write_bytes(content)
         os.replace(part, path)
     except BaseException:
         part.unlink(missing_ok=True)
