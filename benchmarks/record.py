@@ -198,7 +198,7 @@ def main(
             done = [{mode.name: _process(one, mode, frames) for mode in MODES} for _ in range(rounds)]
             show(one, done, console)
     console.print(
-        f"Milliseconds of a recorded frame, {RATE} a second; two steps each. processor: ratio of the time of all cores. "
+        f"Milliseconds of a recorded frame, {RATE} a second, of two steps. processor: ratio of the time of all cores. "
         "on host: processor time of what the recording does there."
     )
 

@@ -8,7 +8,6 @@ itself. `xarray.open_zarr(path)` and `xarray.open_zarr(path, group=herd)` open i
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from io import StringIO
 from pathlib import Path
@@ -22,7 +21,8 @@ import zarr
 from crowd.errors import fail
 from crowd.recorded_scene import HerdLike, SceneLike, levels_of, motions_of
 from crowd.recording_array import GrowingArray
-from crowd.recording_layout import FORMAT, GROUND, HERD, LABELS, ROOT, SIZES, STATIC_MEANINGS, STATIC_UNITS, Column
+from crowd.recording_layout import FORMAT, GROUND, HERD, ROOT, SIZES, Column
+from crowd.recording_static import fixed, write_static
 from crowd.recording_water import WaterRecorder
 from crowd.scenario_herd import TAKEN_NAMES
 
@@ -66,7 +66,7 @@ class Recorder:
         _refuse_foreign(self.path)
         self._root = zarr.open_group(str(self.path), mode="w", zarr_format=3, attributes=_attributes(scene))
         self._characters = sum(herd.count for herd in scene.herds)
-        self._write_static()
+        write_static(self._root, scene.herds)
 
     def __enter__(self) -> Recorder:
         return self
@@ -173,22 +173,6 @@ class Recorder:
             shape = tuple(sizes[dim] for dim in column.dims)
             self._arrays[herd, name] = GrowingArray(self.path, group, name, column, shape, span)
 
-    def _write_static(self) -> None:
-        """What does not change: who is who, bodies, skeletons, skins."""
-        herds = self.scene.herds
-        names = [herd.name for herd in herds]
-        first = np.cumsum([0, *(herd.count for herd in herds)])
-        _fixed(self._root, "character", np.arange(first[-1], dtype=np.int32), CHARACTER_DIM, "1", "number in the run")
-        index = np.repeat(np.arange(len(herds), dtype=np.int32), [herd.count for herd in herds])
-        _fixed(self._root, "herd", index, CHARACTER_DIM, "1", "index into the attribute `herds`")
-        _fixed(self._root, "herd_name", _strings(np.repeat(names, [herd.count for herd in herds])), CHARACTER_DIM)
-        _labels(self._root, ("component",))
-        for name, unit in STATIC_UNITS.items():
-            value = np.concatenate([np.broadcast_to(np.asarray(getattr(h, name), np.float32), h.count) for h in herds])
-            _fixed(self._root, name, value, CHARACTER_DIM, unit, STATIC_MEANINGS[name])
-        for herd, start in zip(herds, first, strict=False):
-            _write_herd(self._root.create_group(herd.name), herd, int(start))
-
     def _write_ground(self) -> None:
         """Ground heights on a grid around where the characters have been, in the group `_ground`."""
         known = bool(np.isfinite(self._low).all())
@@ -196,15 +180,13 @@ class Recorder:
         x, z = np.linspace(low - 15.0, high + 15.0, GROUND_SAMPLES, axis=1)
         group = self._root.create_group(GROUND, overwrite=True)
         height = np.broadcast_to(self.scene.ground(x[None, :], z[:, None]), (len(z), len(x)))
-        _fixed(group, "x", x, ("x",), "m", "world x")
-        _fixed(group, "z", z, ("z",), "m", "world z")
-        _fixed(group, "height", height.astype(np.float32), ("z", "x"), "m", "height of the ground")
+        fixed(group, "x", x, ("x",), "m", "world x")
+        fixed(group, "z", z, ("z",), "m", "world z")
+        fixed(group, "height", height.astype(np.float32), ("z", "x"), "m", "height of the ground")
 
 
-CHARACTER_DIM = ("character",)
 TIME = Column((), "s", "simulated time since the start", np.float64)
 TIME_SPAN = 4096
-KEYS = ("lift", "liftoff", "postlift", "preland", "strike", "land")
 
 
 def config_text(scene: SceneLike) -> str:
@@ -272,67 +254,6 @@ def _refuse_names(scene: SceneLike) -> None:
 def _sizes(herd: HerdLike) -> dict[str, int]:
     legs, joints = len(herd.archetype.legs), herd.archetype.skeleton.count
     return SIZES | {"character": herd.count, "leg": legs, "joint": joints, "motion": len(motions_of(herd))}
-
-
-def _fixed(
-    group: zarr.Group, name: str, data: np.ndarray, dims: tuple[str, ...], unit: str = "", description: str = ""
-) -> None:
-    text: dict[str, Any] = {"units": unit} if unit else {}
-    text |= {"description": description} if description else {}
-    group.create_array(name, data=data, dimension_names=dims, attributes=text)
-
-
-def _strings(names: Sequence[str] | np.ndarray) -> np.ndarray:
-    return np.asarray(names, dtype=np.dtypes.StringDType())
-
-
-def _labels(group: zarr.Group, dims: tuple[str, ...]) -> None:
-    for dim in dims:
-        _fixed(group, dim, _strings(LABELS[dim]), (dim,))
-
-
-def _write_herd(group: zarr.Group, herd: HerdLike, first: int) -> None:
-    """Names, legs, skeleton and skin of one herd."""
-    archetype, mesh, skeleton = herd.archetype, herd.archetype.mesh, herd.archetype.skeleton
-    group.attrs.update(
-        {
-            "archetype": archetype.name,
-            "source": archetype.source,
-            "height": float(archetype.height),
-            "mass": float(archetype.mass),
-            "pelvis": int(archetype.pelvis),
-            "description": "feet and poses of one herd; `character` counts through all herds of the recording",
-        }
-    )
-    _fixed(group, "character", np.arange(first, first + herd.count, dtype=np.int32), CHARACTER_DIM)
-    _labels(group, ("component", "quaternion"))
-    _fixed(group, "joint", _strings(skeleton.names), ("joint",))
-    _fixed(group, "leg", _strings([leg.name for leg in archetype.legs]), ("leg",))
-    if motions := motions_of(herd):
-        _fixed(group, "motion", _strings([motion.name for motion in motions]), ("motion",))
-        velocity = np.array([motion.velocity for motion in motions])
-        _fixed(group, "motion_velocity", velocity, ("motion", "component"), "m s-1", "of each motion at scale 1")
-        keys = np.array([motion.keytimes for motion in motions])
-        _fixed(group, "motion_keys", keys, ("motion", "leg", "key"), "1", "cycles since stance")
-        _fixed(group, "key", _strings(KEYS), ("key",))
-    for name, unit in STATIC_UNITS.items():
-        value = np.broadcast_to(np.asarray(getattr(herd, name), np.float32), herd.count)
-        _fixed(group, name, value, CHARACTER_DIM, unit, STATIC_MEANINGS[name])
-    _fixed(group, "parent", np.asarray(skeleton.parents, np.int32), ("joint",), "1", "parent joint, -1 for the root")
-    _fixed(group, "rest_rotation", skeleton.rest_rotation, ("joint", "quaternion"), "1", "joint to parent, wxyz")
-    _fixed(group, "rest_translation", skeleton.rest_translation, ("joint", "component"), "m", "in the parent's frame")
-    parts = [[leg.hip, leg.knee, leg.ankle, leg.ball, leg.side] for leg in archetype.legs]
-    names = _strings(["hip", "knee", "ankle", "ball", "side"])
-    _fixed(group, "leg_part", names, ("leg_part",))
-    _fixed(group, "leg_joint", np.asarray(parts, np.int32).reshape(-1, 5), ("leg", "leg_part"), "1",
-           "joint numbers; side: +1 left, -1 right")  # fmt: skip
-    offsets = np.asarray([leg.ball_offset for leg in archetype.legs], np.float64).reshape(-1, 3)
-    _fixed(group, "ball_offset", offsets, ("leg", "component"), "m", "contact point in the frame of the ball joint")
-    _fixed(group, "mesh_vertex", mesh.vertices, ("vertex", "component"), "m", "bind pose")
-    _fixed(group, "mesh_triangle", np.asarray(mesh.triangles, np.int32), ("triangle", "corner"), "1", "vertex numbers")
-    _fixed(group, "mesh_joint", np.asarray(mesh.joints, np.int32), ("vertex", "influence"), "1", "joints of the skin")
-    _fixed(group, "mesh_weight", mesh.weights, ("vertex", "influence"), "1", "weights of the skin; rows sum to 1")
-    _fixed(group, "inverse_bind", mesh.inverse_bind, ("joint", "row", "column"), "1", "bind pose to joint frame")
 
 
 def _asked(scene: SceneLike, herd: HerdLike) -> set[str]:
