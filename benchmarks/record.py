@@ -120,7 +120,7 @@ def measure(place: Place, mode: Mode, frames: int, folder: Path) -> Line:
 
 def _watched() -> dict[str, float]:
     """Seconds of processor time of the stages on the host, which count from now on."""
-    from crowd import recording_array, simulate
+    from crowd import recording_array, simulate, unpack
 
     spent = {"unpack": 0.0, "compress": 0.0, "files": 0.0}
 
@@ -136,6 +136,7 @@ def _watched() -> dict[str, float]:
         setattr(module, function, timed)
 
     watch(simulate, "unpacked", "unpack")
+    watch(unpack.Unpacked, "__getitem__", "unpack")
     watch(recording_array, "encoded", "compress")
     watch(recording_array, "stored", "files")
     return spent

@@ -8,6 +8,7 @@ itself. `xarray.open_zarr(path)` and `xarray.open_zarr(path, group=herd)` open i
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from io import StringIO
 from pathlib import Path
@@ -39,7 +40,7 @@ class ChunkLike(Protocol):
     @property
     def time(self) -> np.ndarray: ...
     @property
-    def herds(self) -> dict[str, dict[str, np.ndarray]]: ...
+    def herds(self) -> Mapping[str, Mapping[str, np.ndarray]]: ...
 
 
 class Recorder:
@@ -81,7 +82,7 @@ class Recorder:
                 raise
 
     def append(self, chunk: ChunkLike) -> None:
-        """Add recorded frames. ValueError, and nothing written, when an array is missing or has another shape."""
+        """Add recorded frames; none, and ValueError, when an array is missing or has another shape."""
         with self._lock:
             self._append(chunk)
 
@@ -91,12 +92,12 @@ class Recorder:
         count = len(chunk.time)
         if count == 0:
             return
-        data = self._gather(chunk, count)
         if not self._arrays:
             self._create(count)
         end = self.frames + count
-        for key, array in self._arrays.items():
-            array.write(self.frames, data[key])
+        # One array after the other: a chunk may make them when they are asked for.
+        for (herd, name), array in self._arrays.items():
+            array.write(self.frames, self._values(chunk, herd, name))
         # All lengths change together at the end: a reader never meets arrays of different lengths for longer than that.
         for array in self._arrays.values():
             array.extend(end)
@@ -106,7 +107,7 @@ class Recorder:
         if water is not None:
             self._water = self._water or WaterRecorder(self._root, water)
             self._water.append(water)
-        position = np.asarray(data[None, "position"])[..., [0, 2]].reshape(-1, 2)
+        position = self._values(chunk, None, "position")[..., [0, 2]].reshape(-1, 2)
         position = position[np.isfinite(position).all(1)]
         if len(position):
             self._low, self._high = np.minimum(self._low, position.min(0)), np.maximum(self._high, position.max(0))
@@ -131,22 +132,19 @@ class Recorder:
             for group in (*(herd.name for herd in self.scene.herds), ""):
                 zarr.consolidate_metadata(str(self.path), path=group or None, zarr_format=3)
 
-    def _gather(self, chunk: ChunkLike, count: int) -> dict[tuple[str | None, str], np.ndarray]:
-        """Arrays to write by (herd or None, name), with their shapes checked."""
-        time = np.asarray(chunk.time, np.float64)
-        data: dict[tuple[str | None, str], np.ndarray] = {(None, "time"): time}
-        for herd in self.scene.herds:
-            data[herd.name, "time"] = time
-            for name, column in (ROOT | self._herd_columns(herd)).items():
-                value = np.asarray(chunk.herds.get(herd.name, {}).get(name))
-                shape = (count, *(_sizes(herd)[dim] for dim in column.dims))
+    def _values(self, chunk: ChunkLike, herd: str | None, name: str) -> np.ndarray:
+        """One array [t, ...] to write, of a herd or (None) of all, with its shape checked."""
+        if name == "time":
+            return np.asarray(chunk.time, np.float64)
+        parts = []
+        for one in self.scene.herds:
+            if herd in (None, one.name):
+                value = np.asarray(chunk.herds.get(one.name, {}).get(name))
+                shape = (len(chunk.time), *(_sizes(one)[dim] for dim in (ROOT | HERD)[name].dims))
                 if value.shape != shape:
-                    raise ValueError(f"{herd.name}.{name}: shape {value.shape}, expected {shape}")
-                data[herd.name, name] = value
-        for name in ROOT:
-            parts = [data.pop((herd.name, name)) for herd in self.scene.herds]
-            data[None, name] = parts[0] if len(parts) == 1 else np.concatenate(parts, 1)
-        return data
+                    raise ValueError(f"{one.name}.{name}: shape {value.shape}, expected {shape}")
+                parts.append(value)
+        return parts[0] if len(parts) == 1 else np.concatenate(parts, 1)
 
     def _herd_columns(self, herd: HerdLike) -> dict[str, Column]:
         strides = bool(motions_of(herd))

@@ -54,7 +54,7 @@ class GrowingArray:
         self._about = json.loads((self._folder / METADATA).read_text(encoding="utf-8"))
         self._room = len(json.dumps(self._about)) + len(str(2**63))
         stored(self._folder / METADATA, self._metadata(0))
-        self._partial: np.ndarray | None = None  # the last block, while it is not full
+        self._partial: np.ndarray | None = None  # the last block that came in pieces
 
     def write(self, start: int, values: np.ndarray) -> None:
         """Values [t, *shape] from frame `start` on, where the last ones ended. They are not seen before `extend`."""
@@ -96,8 +96,6 @@ class GrowingArray:
             self._partial = np.full((self.span, *piece.shape[1:]), self.fill, self.dtype)
         block = self._partial
         block[at : at + len(piece)] = piece
-        if at + len(piece) == self.span:
-            self._partial = None
         return block
 
     def _write_block(self, number: int, values: np.ndarray) -> None:

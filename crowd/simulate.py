@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from types import ModuleType
@@ -40,12 +40,15 @@ WATER_HZ = 10  # of a water surface no more frames than this are kept
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Recorded frames of all herds, on the host: `herds[name][array]` is [time, character, ...]."""
+    """Recorded frames of all herds, on the host: `herds[name][array]` is [time, character, ...].
+
+    Joint rotations and translations are made each time they are asked for.
+    """
 
     first_frame: int
     frames: int  # stepped in this chunk
     time: np.ndarray  # [t] s
-    herds: dict[str, dict[str, np.ndarray]]
+    herds: dict[str, Mapping[str, np.ndarray]]
     water: WaterFrames | None = None  # at WATER_HZ at most
 
 
@@ -199,7 +202,7 @@ def _chunk(scene: Scene, layout: Layout, shown: Sequence[Any], done: int, steppe
     every = layout.record_every
     recorded = stepped // every
     time = (done + (1 + np.arange(recorded)) * every) * layout.dt
-    herds = {
+    herds: dict[str, Mapping[str, np.ndarray]] = {
         herd.name: unpacked(herd, layout, which, [each[which] for each in shown], recorded)
         for which, herd in enumerate(scene.herds)
     }

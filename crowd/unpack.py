@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import jax
@@ -30,11 +32,32 @@ def shown_state(state: State) -> dict[str, Array]:
     return shown
 
 
-def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Sequence[Any], recorded: int) -> dict[str, np.ndarray]:
+class Unpacked(Mapping[str, np.ndarray]):
+    """Arrays by name, some of them made whenever they are asked for and not kept."""
+
+    def __init__(self, arrays: dict[str, np.ndarray], made: dict[str, Callable[[], np.ndarray]]):
+        self._arrays, self._made = arrays, made
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self._made[name]() if name in self._made else self._arrays[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return itertools.chain(self._arrays, self._made)
+
+    def __len__(self) -> int:
+        return len(self._arrays) + len(self._made)
+
+
+def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Sequence[Any], recorded: int) -> Unpacked:
     """Users' arrays [time, character, ..., component] of one herd, padding removed. shown: of each device.
 
-    In memory characters stay last, as on the device: a recording lies on disk like that, and one copy is enough.
+    In memory characters stay last, as on the device: a recording lies on disk like that, and one copy is enough. Poses
+    are made one by one when asked for: together they are most of a recording, and memory that is used again is faster.
     """
+    rotations, translations = (
+        [np.asarray(getattr(frame, name)) for _, frame in shown] for name in ("joint_rotation", "joint_translation")
+    )
+    shown = [(slim, dataclasses.replace(frame, joint_rotation=(), joint_translation=())) for slim, frame in shown]
     slim, frame = jax.tree.map(lambda *leaves: _untiled(leaves, recorded, herd.count), *shown)
     flat = _level(slim["velocity"])
     out = dict(
@@ -64,12 +87,14 @@ def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Sequence[Any], 
         out["gear"] = slim["gear"].astype(np.int8)
     if frame.strides is not None:
         out |= _strides(slim, frame.strides, layout.record_pose)
-    if layout.record_pose:
-        out["joint_rotation"] = frame.joint_rotation
-        out["joint_translation"] = _translations(
-            herd.archetype.skeleton.rest_translation, layout.herds[which].moving, frame.joint_translation
-        )
-    return out
+    if not layout.record_pose:
+        return Unpacked(out, {})
+    rest, moving = herd.archetype.skeleton.rest_translation, layout.herds[which].moving
+    made = dict(
+        joint_rotation=lambda: _untiled(rotations, recorded, herd.count),
+        joint_translation=lambda: _translations(rest, moving, _untiled(translations, recorded, herd.count)),
+    )
+    return Unpacked(out, made)
 
 
 def _strides(slim: dict[str, np.ndarray], frame: StrideFrame, footprints: bool) -> dict[str, np.ndarray]:
