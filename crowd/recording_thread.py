@@ -6,7 +6,6 @@ from queue import Queue
 from threading import Thread
 from types import TracebackType
 
-from crowd.errors import fail
 from crowd.recording import ChunkLike, Recorder
 
 
@@ -17,7 +16,7 @@ class Writing:
     the context writes what waits, also after an exception (Ctrl-C), and then tells what went wrong with it, if
     nothing else did.
     A write that fails ends the recording with the last whole chunk: later chunks are dropped, and the next `append`
-    or the end raises, `InputError` where the disk is to blame.
+    or the end raises: `OSError` with the recording's path and its readable frames where the disk is to blame.
     """
 
     def __init__(self, recorder: Recorder):
@@ -55,7 +54,7 @@ class Writing:
     def _tell(self) -> None:
         error = self._error
         if isinstance(error, OSError):
-            kept = f"its first {self.recorder.frames} frames stay readable"
-            raise fail(str(self.recorder.path), f"cannot be written: {error.strerror or error}; {kept}") from error
+            kept = f"the first {self.recorder.frames} recorded frames stay readable"
+            raise OSError(error.errno, f"{error.strerror or error}; {kept}", str(self.recorder.path)) from error
         if error is not None:
             raise error

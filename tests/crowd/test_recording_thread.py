@@ -14,7 +14,6 @@ import pytest
 import zarr
 
 from crowd import recording_array, scene, simulate
-from crowd.errors import InputError
 from crowd.recorded import open_recording
 from crowd.recording import Recorder
 from crowd.recording_layout import HERD, ROOT
@@ -136,8 +135,9 @@ def test_a_full_disk_is_told_and_keeps_what_is_there(
 
     monkeypatch.setattr(recording_array, "stored", stored)
     monkeypatch.setattr(Recorder, "_write_ground", full)
-    with pytest.raises(InputError, match=r"recording\.zarr: cannot be written: No space left.*32 frames stay"):
+    with pytest.raises(OSError, match=r"No space left.*first 32 recorded frames stay.*recording\.zarr") as told:
         written(made_result, tmp_path / PATH, 16)
+    assert told.value.errno == errno.ENOSPC  # the command line knows it
     assert len(room) == 1  # no further chunk was tried
     assert open_recording(tmp_path / PATH).attributes["complete"] is False
     assert_same(tmp_path / PATH, made_result.herds, 32)
@@ -159,7 +159,7 @@ def test_a_failed_rewrite_of_a_block_keeps_the_block(
         inner(source, target)
 
     monkeypatch.setattr(os, "replace", replace)
-    with pytest.raises(InputError), recorder, Writing(recorder) as writing:
+    with pytest.raises(OSError, match="first 8 recorded"), recorder, Writing(recorder) as writing:
         writing.append(chunks[2])
     assert_same(tmp_path / PATH, made_result.herds, 8)
     assert not list((tmp_path / PATH).rglob("*.partial"))
