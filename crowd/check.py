@@ -14,7 +14,8 @@ from crowd.scenario_water import WATER_HZ
 from crowd.scene import HerdScene, Scene
 
 TILE = 128  # characters are padded to whole tiles
-CHUNK = 32  # recorded frames in memory at once
+CHUNK = 32  # recorded frames that leave the device at once
+CHUNKS = 5  # in memory: being stepped, on the device, unpacked, waiting, being written
 
 
 @dataclass(frozen=True)
@@ -117,11 +118,11 @@ def _needs(scene: Scene, herd: HerdScene, frames: int) -> HerdNeeds:
     recorded = math.ceil(frames / (scenario.rate_hz // scenario.record.rate_hz))
     pose = scenario.record.pose
     padded = math.ceil(herd.count / TILE) * TILE
-    # Parameters and state of every character, a chunk of recorded frames on the device and its copy on the host, and
-    # one frame of one tile: poses, palette, skinned vertices and the drag of every triangle.
+    # Parameters and state of every character, recorded frames on their way to the disk, and one frame of one tile:
+    # poses, palette, skinned vertices and the drag of every triangle.
     trajectory = 0 if herd.track is None else 5 * len(herd.track.place)
     lasting = 4 * padded * (100 + 40 * legs + trajectory)
-    chunk = 2 * recording_bytes(padded, joints, legs, min(recorded, CHUNK), pose)
+    chunk = CHUNKS * recording_bytes(padded, joints, legs, min(recorded, CHUNK), pose)
     tile = 4 * TILE * (24 * joints + 9 * len(archetype.mesh.vertices) + 12 * len(archetype.mesh.triangles))
     x, z = herd.points.T
     depth = float((scene.surface(x, z) - scene.ground(x, z)).max())

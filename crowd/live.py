@@ -33,7 +33,7 @@ Steering = Mapping[str, Any]  # herd -> array
 class HerdFrame(Mapping[str, np.ndarray]):
     """What a herd's characters did in the last frame: arrays [n, ...] named as in a `Result`, unpacked when read."""
 
-    def __init__(self, herd: HerdScene, layout: Layout, which: int, shown: Any):
+    def __init__(self, herd: HerdScene, layout: Layout, which: int, shown: Sequence[Any]):
         self._make = (herd, layout, which, shown)
         self._arrays: dict[str, np.ndarray] | None = None
 
@@ -121,7 +121,8 @@ class Stepper:
         count = jax.device_put(np.int32(frames), self._device)
         self._states, shown = self._run(*self._shared, tuple(states), count, self._flag)
         return {
-            herd.name: HerdFrame(herd, self._layout, which, shown[which]) for which, herd in enumerate(self.scene.herds)
+            herd.name: HerdFrame(herd, self._layout, which, [shown[which]])
+            for which, herd in enumerate(self.scene.herds)
         }
 
     def _read(self, what: str, given: Steering | None, shapes: tuple[tuple[int, ...], ...]) -> dict[int, np.ndarray]:

@@ -8,24 +8,25 @@ itself. `xarray.open_zarr(path)` and `xarray.open_zarr(path, group=herd)` open i
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from io import StringIO
 from pathlib import Path
+from threading import Lock
 from types import TracebackType
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import zarr
-from zarr.codecs import BloscCodec
 
 from crowd.errors import fail
 from crowd.recorded_scene import HerdLike, SceneLike, levels_of, motions_of
-from crowd.recording_layout import FORMAT, GROUND, HERD, LABELS, ROOT, SIZES, STATIC_MEANINGS, STATIC_UNITS, Column
+from crowd.recording_array import GrowingArray
+from crowd.recording_layout import FORMAT, GROUND, HERD, ROOT, SIZES, Column
+from crowd.recording_static import fixed, write_static
 from crowd.recording_water import WaterRecorder
 from crowd.scenario_herd import TAKEN_NAMES
 
-CHUNK_BYTES = 2 << 20  # of one array, uncompressed: a good size for reading a few characters or a few moments
 GROUND_SAMPLES = 256
 EXPECTED_FRAMES = 32  # per chunk, unless the first piece suggests otherwise
 
@@ -39,15 +40,15 @@ class ChunkLike(Protocol):
     @property
     def time(self) -> np.ndarray: ...
     @property
-    def herds(self) -> dict[str, dict[str, np.ndarray]]: ...
+    def herds(self) -> Mapping[str, Mapping[str, np.ndarray]]: ...
 
 
 class Recorder:
     """Writes chunks as they come. Use as a context manager.
 
-    What `append` has written stays readable, also when the program is killed: arrays that were being written then end
-    in fill values (NaN, 0), the root attribute `frames` says how many frames are whole, and `open_recording` keeps to
-    it. Leaving the context, with or without an exception, cuts every array to the whole frames.
+    What `append` has written stays readable, also when the program is killed or the disk is full: arrays grow when
+    all their frames are there, the root attribute `frames` says how many frames are whole, and `open_recording` keeps
+    to it. Leaving the context, with or without an exception, cuts every array to the whole frames.
 
     path: a new or empty folder, or an earlier recording, which is replaced; anything else raises `InputError`.
     pose: record joint rotations and translations too; without them no pictures can be drawn from the recording.
@@ -58,14 +59,15 @@ class Recorder:
         self.scene = scene
         self.pose = _wants_pose(scene) if pose is None else pose
         self.frames = 0
+        self._lock, self._closed = Lock(), False  # chunks may come from another thread than the end does
         self._water: WaterRecorder | None = None
-        self._arrays: list[tuple[zarr.Array, str, str | None]] = []  # array, its name, its herd (None: the root)
+        self._arrays: dict[tuple[str | None, str], GrowingArray] = {}  # by herd (None: the root) and name
         _refuse_names(scene)
         self._low, self._high = np.full(2, np.inf), np.full(2, -np.inf)
         _refuse_foreign(self.path)
         self._root = zarr.open_group(str(self.path), mode="w", zarr_format=3, attributes=_attributes(scene))
         self._characters = sum(herd.count for herd in scene.herds)
-        self._write_static()
+        write_static(self._root, scene.herds)
 
     def __enter__(self) -> Recorder:
         return self
@@ -73,41 +75,55 @@ class Recorder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close(complete=kind is None)
+        try:
+            self.close(complete=kind is None)
+        except OSError:
+            if kind is None:  # otherwise what stopped the run is told, not that its recording cannot be closed either
+                raise
 
     def append(self, chunk: ChunkLike) -> None:
-        """Add recorded frames. ValueError, and nothing written, when an array is missing or has another shape."""
+        """Add recorded frames; none, and ValueError, when an array is missing or has another shape."""
+        with self._lock:
+            self._append(chunk)
+
+    def _append(self, chunk: ChunkLike) -> None:
+        if self._closed:
+            raise ValueError(f"{self.path}: the recording is closed")
         count = len(chunk.time)
         if count == 0:
             return
-        data = self._gather(chunk, count)
         if not self._arrays:
             self._create(count)
         end = self.frames + count
-        # All lengths change together first: a reader never meets arrays of different lengths for longer than that.
-        for array, _, _ in self._arrays:
-            array.resize((end, *array.shape[1:]))
-        for array, name, herd in self._arrays:
-            array[self.frames : end] = data[herd, name]
-        self.frames = end
+        # One array after the other: a chunk may make them when they are asked for.
+        for (herd, name), array in self._arrays.items():
+            array.write(self.frames, self._values(chunk, herd, name))
+        # All lengths change together at the end: a reader never meets arrays of different lengths for longer than that.
+        for array in self._arrays.values():
+            array.extend(end)
         self._root.attrs["frames"] = end
+        self.frames = end
         water = getattr(chunk, "water", None)
         if water is not None:
             self._water = self._water or WaterRecorder(self._root, water)
             self._water.append(water)
-        position = np.asarray(data[None, "position"])[..., [0, 2]].reshape(-1, 2)
+        position = self._values(chunk, None, "position")[..., [0, 2]].reshape(-1, 2)
         position = position[np.isfinite(position).all(1)]
         if len(position):
             self._low, self._high = np.minimum(self._low, position.min(0)), np.maximum(self._high, position.max(0))
 
     def close(self, complete: bool = True) -> None:
         """Cut arrays to whole frames, add the ground under the characters, gather the metadata. Twice does nothing."""
-        if self._root.attrs.get("closed"):
-            return
+        with self._lock:
+            if not self._closed:
+                self._closed = True
+                self._close(complete)
+
+    def _close(self, complete: bool) -> None:
         if not self._arrays:
             self._create(EXPECTED_FRAMES)
-        for array, _, _ in self._arrays:
-            array.resize((self.frames, *array.shape[1:]))
+        for array in self._arrays.values():
+            array.cut(self.frames)
         self._write_ground()
         self._root.attrs.update({"complete": complete, "closed": True})
         with warnings.catch_warnings():
@@ -116,21 +132,19 @@ class Recorder:
             for group in (*(herd.name for herd in self.scene.herds), ""):
                 zarr.consolidate_metadata(str(self.path), path=group or None, zarr_format=3)
 
-    def _gather(self, chunk: ChunkLike, count: int) -> dict[tuple[str | None, str], np.ndarray]:
-        """Arrays to write by (herd or None, name), with their shapes checked."""
-        time = np.asarray(chunk.time, np.float64)
-        data: dict[tuple[str | None, str], np.ndarray] = {(None, "time"): time}
-        for herd in self.scene.herds:
-            data[herd.name, "time"] = time
-            for name, column in (ROOT | self._herd_columns(herd)).items():
-                value = np.asarray(chunk.herds.get(herd.name, {}).get(name))
-                shape = (count, *(_sizes(herd)[dim] for dim in column.dims))
+    def _values(self, chunk: ChunkLike, herd: str | None, name: str) -> np.ndarray:
+        """One array [t, ...] to write, of a herd or (None) of all, with its shape checked."""
+        if name == "time":
+            return np.asarray(chunk.time, np.float64)
+        parts = []
+        for one in self.scene.herds:
+            if herd in (None, one.name):
+                value = np.asarray(chunk.herds.get(one.name, {}).get(name))
+                shape = (len(chunk.time), *(_sizes(one)[dim] for dim in (ROOT | HERD)[name].dims))
                 if value.shape != shape:
-                    raise ValueError(f"{herd.name}.{name}: shape {value.shape}, expected {shape}")
-                data[herd.name, name] = value.astype(column.dtype)
-        for name in ROOT:
-            data[None, name] = np.concatenate([data.pop((herd.name, name)) for herd in self.scene.herds], 1)
-        return data
+                    raise ValueError(f"{one.name}.{name}: shape {value.shape}, expected {shape}")
+                parts.append(value)
+        return parts[0] if len(parts) == 1 else np.concatenate(parts, 1)
 
     def _herd_columns(self, herd: HerdLike) -> dict[str, Column]:
         strides = bool(motions_of(herd))
@@ -142,32 +156,20 @@ class Recorder:
     def _create(self, frames: int) -> None:
         """Empty arrays, cut along time as the chunks come."""
         span = frames if 8 <= frames <= 128 else EXPECTED_FRAMES
-        self._arrays.append((_growing_time(self._root), "time", None))
-        sizes = SIZES | {"character": self._characters}
-        for name, column in ROOT.items():
-            self._arrays.append((_growing(self._root, name, column, sizes, span), name, None))
+        self._grow(self._root, None, ROOT, SIZES | {"character": self._characters}, span)
         for herd in self.scene.herds:
             group = self._root[herd.name]
             assert isinstance(group, zarr.Group)
-            self._arrays.append((_growing_time(group), "time", herd.name))
-            for name, column in self._herd_columns(herd).items():
-                self._arrays.append((_growing(group, name, column, _sizes(herd), span), name, herd.name))
+            self._grow(group, herd.name, self._herd_columns(herd), _sizes(herd), span)
 
-    def _write_static(self) -> None:
-        """What does not change: who is who, bodies, skeletons, skins."""
-        herds = self.scene.herds
-        names = [herd.name for herd in herds]
-        first = np.cumsum([0, *(herd.count for herd in herds)])
-        _fixed(self._root, "character", np.arange(first[-1], dtype=np.int32), CHARACTER_DIM, "1", "number in the run")
-        index = np.repeat(np.arange(len(herds), dtype=np.int32), [herd.count for herd in herds])
-        _fixed(self._root, "herd", index, CHARACTER_DIM, "1", "index into the attribute `herds`")
-        _fixed(self._root, "herd_name", _strings(np.repeat(names, [herd.count for herd in herds])), CHARACTER_DIM)
-        _labels(self._root, ("component",))
-        for name, unit in STATIC_UNITS.items():
-            value = np.concatenate([np.broadcast_to(np.asarray(getattr(h, name), np.float32), h.count) for h in herds])
-            _fixed(self._root, name, value, CHARACTER_DIM, unit, STATIC_MEANINGS[name])
-        for herd, start in zip(herds, first, strict=False):
-            _write_herd(self._root.create_group(herd.name), herd, int(start))
+    def _grow(
+        self, group: zarr.Group, herd: str | None, columns: dict[str, Column], sizes: dict[str, int], span: int
+    ) -> None:
+        """Empty arrays of one group, time among them."""
+        self._arrays[herd, "time"] = GrowingArray(self.path, group, "time", TIME, (), TIME_SPAN)
+        for name, column in columns.items():
+            shape = tuple(sizes[dim] for dim in column.dims)
+            self._arrays[herd, name] = GrowingArray(self.path, group, name, column, shape, span)
 
     def _write_ground(self) -> None:
         """Ground heights on a grid around where the characters have been, in the group `_ground`."""
@@ -176,13 +178,13 @@ class Recorder:
         x, z = np.linspace(low - 15.0, high + 15.0, GROUND_SAMPLES, axis=1)
         group = self._root.create_group(GROUND, overwrite=True)
         height = np.broadcast_to(self.scene.ground(x[None, :], z[:, None]), (len(z), len(x)))
-        _fixed(group, "x", x, ("x",), "m", "world x")
-        _fixed(group, "z", z, ("z",), "m", "world z")
-        _fixed(group, "height", height.astype(np.float32), ("z", "x"), "m", "height of the ground")
+        fixed(group, "x", x, ("x",), "m", "world x")
+        fixed(group, "z", z, ("z",), "m", "world z")
+        fixed(group, "height", height.astype(np.float32), ("z", "x"), "m", "height of the ground")
 
 
-CHARACTER_DIM = ("character",)
-KEYS = ("lift", "liftoff", "postlift", "preland", "strike", "land")
+TIME = Column((), "s", "simulated time since the start", np.float64)
+TIME_SPAN = 4096
 
 
 def config_text(scene: SceneLike) -> str:
@@ -250,96 +252,6 @@ def _refuse_names(scene: SceneLike) -> None:
 def _sizes(herd: HerdLike) -> dict[str, int]:
     legs, joints = len(herd.archetype.legs), herd.archetype.skeleton.count
     return SIZES | {"character": herd.count, "leg": legs, "joint": joints, "motion": len(motions_of(herd))}
-
-
-def _growing(group: zarr.Group, name: str, column: Column, sizes: dict[str, int], span: int) -> zarr.Array:
-    """An empty array with a time axis; long ones are cut along the characters too."""
-    tail = tuple(sizes[dim] for dim in column.dims)
-    each = int(np.prod(tail[1:], dtype=np.int64)) * np.dtype(column.dtype).itemsize
-    people = int(np.clip(CHUNK_BYTES // max(span * each, 1), 1, max(tail[0], 1)))
-    return group.create_array(
-        name,
-        shape=(0, *tail),
-        chunks=(span, people, *(max(size, 1) for size in tail[1:])),
-        dtype=column.dtype,
-        fill_value=np.nan if np.issubdtype(column.dtype, np.floating) else 0,
-        compressors=BloscCodec(cname="zstd", clevel=2, shuffle="bitshuffle"),
-        dimension_names=("time", *column.dims),
-        attributes={"units": column.unit, "description": column.description},
-    )
-
-
-def _growing_time(group: zarr.Group) -> zarr.Array:
-    return group.create_array(
-        "time",
-        shape=(0,),
-        chunks=(4096,),
-        dtype=np.float64,
-        fill_value=np.nan,
-        dimension_names=("time",),
-        attributes={"units": "s", "description": "simulated time since the start"},
-    )
-
-
-def _fixed(
-    group: zarr.Group, name: str, data: np.ndarray, dims: tuple[str, ...], unit: str = "", description: str = ""
-) -> None:
-    text: dict[str, Any] = {"units": unit} if unit else {}
-    text |= {"description": description} if description else {}
-    group.create_array(name, data=data, dimension_names=dims, attributes=text)
-
-
-def _strings(names: Sequence[str] | np.ndarray) -> np.ndarray:
-    return np.asarray(names, dtype=np.dtypes.StringDType())
-
-
-def _labels(group: zarr.Group, dims: tuple[str, ...]) -> None:
-    for dim in dims:
-        _fixed(group, dim, _strings(LABELS[dim]), (dim,))
-
-
-def _write_herd(group: zarr.Group, herd: HerdLike, first: int) -> None:
-    """Names, legs, skeleton and skin of one herd."""
-    archetype, mesh, skeleton = herd.archetype, herd.archetype.mesh, herd.archetype.skeleton
-    group.attrs.update(
-        {
-            "archetype": archetype.name,
-            "source": archetype.source,
-            "height": float(archetype.height),
-            "mass": float(archetype.mass),
-            "pelvis": int(archetype.pelvis),
-            "description": "feet and poses of one herd; `character` counts through all herds of the recording",
-        }
-    )
-    _fixed(group, "character", np.arange(first, first + herd.count, dtype=np.int32), CHARACTER_DIM)
-    _labels(group, ("component", "quaternion"))
-    _fixed(group, "joint", _strings(skeleton.names), ("joint",))
-    _fixed(group, "leg", _strings([leg.name for leg in archetype.legs]), ("leg",))
-    if motions := motions_of(herd):
-        _fixed(group, "motion", _strings([motion.name for motion in motions]), ("motion",))
-        velocity = np.array([motion.velocity for motion in motions])
-        _fixed(group, "motion_velocity", velocity, ("motion", "component"), "m s-1", "of each motion at scale 1")
-        keys = np.array([motion.keytimes for motion in motions])
-        _fixed(group, "motion_keys", keys, ("motion", "leg", "key"), "1", "cycles since stance")
-        _fixed(group, "key", _strings(KEYS), ("key",))
-    for name, unit in STATIC_UNITS.items():
-        value = np.broadcast_to(np.asarray(getattr(herd, name), np.float32), herd.count)
-        _fixed(group, name, value, CHARACTER_DIM, unit, STATIC_MEANINGS[name])
-    _fixed(group, "parent", np.asarray(skeleton.parents, np.int32), ("joint",), "1", "parent joint, -1 for the root")
-    _fixed(group, "rest_rotation", skeleton.rest_rotation, ("joint", "quaternion"), "1", "joint to parent, wxyz")
-    _fixed(group, "rest_translation", skeleton.rest_translation, ("joint", "component"), "m", "in the parent's frame")
-    parts = [[leg.hip, leg.knee, leg.ankle, leg.ball, leg.side] for leg in archetype.legs]
-    names = _strings(["hip", "knee", "ankle", "ball", "side"])
-    _fixed(group, "leg_part", names, ("leg_part",))
-    _fixed(group, "leg_joint", np.asarray(parts, np.int32).reshape(-1, 5), ("leg", "leg_part"), "1",
-           "joint numbers; side: +1 left, -1 right")  # fmt: skip
-    offsets = np.asarray([leg.ball_offset for leg in archetype.legs], np.float64).reshape(-1, 3)
-    _fixed(group, "ball_offset", offsets, ("leg", "component"), "m", "contact point in the frame of the ball joint")
-    _fixed(group, "mesh_vertex", mesh.vertices, ("vertex", "component"), "m", "bind pose")
-    _fixed(group, "mesh_triangle", np.asarray(mesh.triangles, np.int32), ("triangle", "corner"), "1", "vertex numbers")
-    _fixed(group, "mesh_joint", np.asarray(mesh.joints, np.int32), ("vertex", "influence"), "1", "joints of the skin")
-    _fixed(group, "mesh_weight", mesh.weights, ("vertex", "influence"), "1", "weights of the skin; rows sum to 1")
-    _fixed(group, "inverse_bind", mesh.inverse_bind, ("joint", "row", "column"), "1", "bind pose to joint frame")
 
 
 def _asked(scene: SceneLike, herd: HerdLike) -> set[str]:

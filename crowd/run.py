@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import shutil
@@ -18,6 +19,7 @@ from crowd.layout import TILE
 from crowd.output_folder import existing, refuse_foreign
 from crowd.progress import Progress
 from crowd.recording import Recorder
+from crowd.recording_thread import Writing
 from crowd.scenario import Scenario
 from crowd.scenario import load as load_scenario
 from crowd.scene import Scene
@@ -134,15 +136,14 @@ def _step(scene: Scene, frames: int, devices: int, out: Path) -> dict[str, Fault
     with Progress(frames, scene.scenario.rate_hz, scene.count) as progress:
         chunks = stream(scene, frames, devices)
         first = next(chunks)
-        with Recorder(out / RECORDING, scene) as recorder:
-            _record(recorder, first, progress, fault)
-            for chunk in chunks:
-                _record(recorder, chunk, progress, fault)
+        with Recorder(out / RECORDING, scene) as recorder, Writing(recorder) as writing:
+            for chunk in itertools.chain([first], chunks):
+                _record(writing, chunk, progress, fault)
     return fault
 
 
-def _record(recorder: Recorder, chunk: Chunk, progress: Progress, fault: dict[str, Faults]) -> None:
-    recorder.append(chunk)
+def _record(writing: Writing, chunk: Chunk, progress: Progress, fault: dict[str, Faults]) -> None:
+    writing.append(chunk)
     for name, arrays in chunk.herds.items():
         if len(chunk.time):
             codes = arrays["fault"]

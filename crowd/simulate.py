@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from types import ModuleType
@@ -40,12 +40,15 @@ CHUNK = 32  # recorded frames that leave the device at once
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Recorded frames of all herds, on the host: `herds[name][array]` is [time, character, ...]."""
+    """Recorded frames of all herds, on the host: `herds[name][array]` is [time, character, ...].
+
+    Joint rotations and translations are made each time they are asked for.
+    """
 
     first_frame: int
     frames: int  # stepped in this chunk
     time: np.ndarray  # [t] s
-    herds: dict[str, dict[str, np.ndarray]]
+    herds: dict[str, Mapping[str, np.ndarray]]
     water: WaterFrames | None = None  # at WATER_HZ at most
 
 
@@ -165,6 +168,8 @@ def stream(
 ) -> Iterator[Chunk]:
     """Step the scene and yield recorded chunks; `frames` (default: the scenario's) are stepped in all.
 
+    The next chunk is stepped while the caller has the last one.
+
     devices: as many as the machine shows JAX when left out, one where there is a water surface.
     program: reuse or change what `build` gives.
     on_state: called with the states after each chunk, on the device (resuming, checks).
@@ -177,24 +182,31 @@ def stream(
     chunk = max(1, min(chunk, -(-total // every)))
     run = compiled(layout, chunk)
     run.trace(*shares[0], np.int32(total), np.True_)  # once: the devices' threads would each do it
-    done = 0
-    while done < total:
-        left = total - done
-        with ThreadPoolExecutor(count) as pool:  # compiling, the first time, goes on at once too
-            results = list(pool.map(functools.partial(_advanced, run, left), shares))
-        shares = [(*share[:2], states) for share, (states, _) in zip(shares, results, strict=True)]
-        stepped = min(left, chunk * every)
-        if on_state is not None:
-            on_state(_joined([states for states, _ in results], 0))
-        shown = _joined([shown for _, shown in results], 1)
-        recorded = stepped // every
-        time = (done + (1 + np.arange(recorded)) * every) * layout.dt
-        herds = {
-            herd.name: unpacked(herd, layout, which, shown[which], recorded) for which, herd in enumerate(scene.herds)
-        }
-        water = _water(scene, shown, time, done // every)
-        yield Chunk(done, stepped, time, herds, water)
-        done += stepped
+    with ThreadPoolExecutor(count) as pool:  # compiling, the first time, goes on at once too
+        running = [pool.submit(_advanced, run, total, share) for share in shares]
+        for done in range(0, total, chunk * every):
+            stepped = min(total - done, chunk * every)
+            states, shown = zip(*(one.result() for one in running), strict=True)
+            if on_state is not None:  # now: the next chunk overwrites them
+                on_state(_joined(states))
+            shares = [(*share[:2], state) for share, state in zip(shares, states, strict=True)]
+            left = total - done - stepped
+            running = [pool.submit(_advanced, run, left, share) for share in shares if left]
+            made = [_chunk(scene, layout, shown, done, stepped)]
+            del shown  # two chunks on the device are enough
+            yield made.pop()
+
+
+def _chunk(scene: Scene, layout: Layout, shown: Sequence[Any], done: int, stepped: int) -> Chunk:
+    """What the devices have recorded in `stepped` frames after the first `done`, on the host."""
+    every = layout.record_every
+    recorded = stepped // every
+    time = (done + (1 + np.arange(recorded)) * every) * layout.dt
+    herds: dict[str, Mapping[str, np.ndarray]] = {
+        herd.name: unpacked(herd, layout, which, [each[which] for each in shown], recorded)
+        for which, herd in enumerate(scene.herds)
+    }
+    return Chunk(done, stepped, time, herds, _water(scene, shown[0], time, done // every))
 
 
 def _water(scene: Scene, shown: Any, time: np.ndarray, first: int) -> WaterFrames | None:
@@ -213,9 +225,15 @@ def _advanced(run: Callable[..., Any], left: int, share: tuple[Assets, Params, t
     return jax.block_until_ready(run(*share, *jax.device_put((np.int32(left), np.True_), device)))
 
 
-def _joined(parts: list[Any], axis: int) -> Any:
-    """The devices' arrays on the host, tiles one after the other."""
-    return jax.tree.map(lambda *leaves: np.concatenate([np.asarray(leaf) for leaf in leaves], axis), *parts)
+def _joined(parts: Sequence[Any]) -> Any:
+    """Copies of the devices' states on the host, tiles one after the other."""
+    return jax.tree.map(lambda *leaves: np.concatenate([np.asarray(leaf) for leaf in leaves]), *parts)
+
+
+def _whole(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Arrays of chunks one after the other, components last in memory too."""
+    out = np.empty((sum(map(len, parts)), *parts[0].shape[1:]), parts[0].dtype)
+    return np.concatenate(parts, out=out)
 
 
 def _devices(wanted: int | None) -> int:
@@ -249,7 +267,7 @@ def simulate(
             progress(chunk.first_frame + chunk.frames)
     state = jax.tree.map(np.asarray, last[0])
     herds = {
-        name: {key: np.concatenate([chunk.herds[name][key] for chunk in chunks]) for key in arrays}
+        name: {key: _whole([chunk.herds[name][key] for chunk in chunks]) for key in arrays}
         for name, arrays in chunks[0].herds.items()
     }
     time = np.concatenate([chunk.time for chunk in chunks])

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import jax
@@ -29,18 +32,40 @@ def shown_state(state: State) -> dict[str, Array]:
     return shown
 
 
-def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Any, recorded: int) -> dict[str, np.ndarray]:
-    """Users' arrays [time, character, ..., component] of one herd, padding removed."""
-    slim, frame = jax.tree.map(lambda leaf: _untiled(np.asarray(leaf)[:recorded], herd.count), shown)
-    velocity = slim["velocity"]
-    flat = np.stack([velocity[..., 0], np.zeros_like(velocity[..., 0]), velocity[..., 1]], -1)
-    desired = slim["desired"]
+class Unpacked(Mapping[str, np.ndarray]):
+    """Arrays by name, some of them made whenever they are asked for and not kept."""
+
+    def __init__(self, arrays: dict[str, np.ndarray], made: dict[str, Callable[[], np.ndarray]]):
+        self._arrays, self._made = arrays, made
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self._made[name]() if name in self._made else self._arrays[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return itertools.chain(self._arrays, self._made)
+
+    def __len__(self) -> int:
+        return len(self._arrays) + len(self._made)
+
+
+def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Sequence[Any], recorded: int) -> Unpacked:
+    """Users' arrays [time, character, ..., component] of one herd, padding removed. shown: of each device.
+
+    In memory characters stay last, as on the device: a recording lies on disk like that, and one copy is enough. Poses
+    are made one by one when asked for: together they are most of a recording, and memory that is used again is faster.
+    """
+    rotations, translations = (
+        [np.asarray(getattr(frame, name)) for _, frame in shown] for name in ("joint_rotation", "joint_translation")
+    )
+    shown = [(slim, dataclasses.replace(frame, joint_rotation=(), joint_translation=())) for slim, frame in shown]
+    slim, frame = jax.tree.map(lambda *leaves: _untiled(leaves, recorded, herd.count), *shown)
+    flat = _level(slim["velocity"])
     out = dict(
         position=slim["position"],
         velocity=flat,
         yaw=slim["yaw"],
         pitch=slim["pitch"],
-        desired_velocity=np.stack([desired[..., 0], np.zeros_like(desired[..., 0]), desired[..., 1]], -1),
+        desired_velocity=_level(slim["desired"]),
         phase=slim["phase"],
         drag_force=frame.drag_force,
         drag_torque=frame.drag_torque,
@@ -62,13 +87,14 @@ def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Any, recorded: 
         out["gear"] = slim["gear"].astype(np.int8)
     if frame.strides is not None:
         out |= _strides(slim, frame.strides, layout.record_pose)
-    if layout.record_pose:
-        out["joint_rotation"] = frame.joint_rotation
-        rest = herd.archetype.skeleton.rest_translation.astype(np.float32)
-        translation = np.broadcast_to(rest, (*frame.joint_translation.shape[:2], *rest.shape)).copy()
-        translation[:, :, list(layout.herds[which].moving)] = frame.joint_translation
-        out["joint_translation"] = translation
-    return out
+    if not layout.record_pose:
+        return Unpacked(out, {})
+    rest, moving = herd.archetype.skeleton.rest_translation, layout.herds[which].moving
+    made = dict(
+        joint_rotation=lambda: _untiled(rotations, recorded, herd.count),
+        joint_translation=lambda: _translations(rest, moving, _untiled(translations, recorded, herd.count)),
+    )
+    return Unpacked(out, made)
 
 
 def _strides(slim: dict[str, np.ndarray], frame: StrideFrame, footprints: bool) -> dict[str, np.ndarray]:
@@ -102,12 +128,44 @@ def _sole(foot: np.ndarray, yaw: np.ndarray, normal: np.ndarray) -> np.ndarray:
     x, z = x * cos + z * sin, z * cos - x * sin
     nx, ny, nz = np.moveaxis(normal, -1, 0)
     along = nx * x + nz * z
-    return np.stack([x - nx * along / (1.0 + ny), -along, z - nz * along / (1.0 + ny)], -1)
+    return _last([x - nx * along / (1.0 + ny), -along, z - nz * along / (1.0 + ny)])
 
 
-def _untiled(values: np.ndarray, count: int) -> np.ndarray:
-    """[t, tiles, *components first*, 128] to [t, n, *components last*]."""
-    moved = np.moveaxis(values, -1, 2)
-    flat = moved.reshape(values.shape[0], moved.shape[1] * moved.shape[2], *moved.shape[3:])[:, :count]
-    # components first (3, joints) to last (joints, 3)
-    return flat if flat.ndim < 4 else np.moveaxis(flat, 2, -1)
+def _level(velocity: np.ndarray) -> np.ndarray:
+    """[t, n, 3] of (x, z) [t, n, 2]."""
+    x, z = np.moveaxis(velocity, -1, 0)
+    return _last([x, np.zeros_like(x), z])
+
+
+def _translations(rest: np.ndarray, moving: tuple[int, ...], translation: np.ndarray) -> np.ndarray:
+    """[t, n, J, 3] of all joints: at rest [J, 3] but for the moving ones [t, n, moving, 3]."""
+    frames, people = translation.shape[:2]
+    out = np.empty((frames, 3, len(rest), people), np.float32)
+    out[:] = rest.T[:, :, None]
+    out[:, :, list(moving)] = translation.transpose(0, 3, 2, 1)
+    return out.transpose(0, 3, 2, 1)
+
+
+def _last(components: Sequence[np.ndarray]) -> np.ndarray:
+    """Components along a last axis; in memory they follow time, characters last."""
+    first = components[0]
+    out = np.empty((len(first), len(components), *first.shape[:0:-1]), first.dtype)
+    for number, component in enumerate(components):
+        out[:, number] = component.transpose(0, *range(component.ndim - 1, 0, -1))
+    return out.transpose(0, *range(out.ndim - 1, 0, -1))
+
+
+def _untiled(leaves: Sequence[Any], recorded: int, count: int) -> np.ndarray:
+    """[t, tiles, *components first*, 128] of each device to [t, n, *components last*], the first `recorded` of t.
+
+    The copy moves rows of 128 characters; components come last in a view of it.
+    """
+    parts = [np.asarray(leaf)[:recorded] for leaf in leaves]
+    frames, _, *middle, width = parts[0].shape
+    out = np.empty((frames, *middle, sum(part.shape[1] for part in parts), width), parts[0].dtype)
+    first = 0
+    for part in parts:
+        out[..., first : first + part.shape[1], :] = np.moveaxis(part, 1, -2)
+        first += part.shape[1]
+    flat = out.reshape(frames, *middle, first * width)[..., :count]
+    return flat.transpose(0, *range(flat.ndim - 1, 0, -1))

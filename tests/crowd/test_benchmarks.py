@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
 import pytest
 import typer
+from rich.console import Console
 
 import crowd
+from benchmarks import record
 from benchmarks.cases import CASES, GPU_CASES, QUICK, Case, scenario
 from benchmarks.figures import alone_name, figures
 from benchmarks.measure import Job, frames_for
@@ -190,3 +193,25 @@ def test_tiny_case_from_end_to_end(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     share = line["stage_share"]
     assert set(share) <= {*STAGES, LOOPS} and {"body", "gait", "pose", "feet"} <= set(share)
     assert sum(share.values()) == pytest.approx(1.0, abs=0.01)
+
+
+def test_cost_of_recording_is_the_median_of_ratios_within_a_round() -> None:
+    """A machine that is twice as slow in the second round does not show; rounds of 10 and 20 s would give 1.5."""
+    spent = {"unpack": 0.1, "compress": 0.2, "files": 0.3}
+    common = {"recorded": 100, "raw_bytes": 2e6, "bytes": 1e6, "spent": spent}
+    rounds = [
+        {
+            mode.name: common | {"wall_s": slow * (11.0 if mode.written else 10.0), "cpu_s": slow * 10.0}
+            for mode in record.MODES
+        }
+        for slow in (1.0, 2.0, 1.0)
+    ]
+    out = io.StringIO()
+    record.show(record.PLACES[0], rounds, Console(width=160, file=out))
+    rows = out.getvalue().splitlines()
+    (row,) = (row for row in rows if "recorded with poses" in row)
+    assert "1.100 (1.100-1.100)" in row
+    assert "unpack 1.00 compress 2.00 files 3.00" in row
+    assert "2.00 -> 1.00" in row
+    (row,) = (row for row in rows if "not recorded" in row)
+    assert "100.0" in row and "1.000 (1.000-1.000)" in row
