@@ -10,11 +10,12 @@ import numpy as np
 
 from crowd.assets import Assets, GroundLayer, World
 from crowd.courses import formation
-from crowd.fluid_build import f32, fluid_layout, fluids
+from crowd.fluid_build import fluid_layout, fluids
 from crowd.ground import Ground
 from crowd.ground_layer import Layer
 from crowd.herd_assets import extent, herd_assets, herd_layout
 from crowd.herd_responses import load_events, remembered, responses, short_arms
+from crowd.host_arrays import f32, i32
 from crowd.initial import initial_state
 from crowd.layout import TILE, WIDE, GroundLayout, Layout
 from crowd.params import Character, Control, Events, Params, Showers, StyleEvents
@@ -224,7 +225,7 @@ def _rain(scene: Scene) -> Showers | None:
     spans = [(at, at + (rain.for_s or 1e6)) for at, rain in showers]
     return Showers(
         key=np.stack([np.array([seed, 0x7A1 + k], np.uint32) for k in range(len(showers))]),  # pyright: ignore[reportArgumentType]
-        span=np.array([[round(min(time * rate, 2e9)) for time in span] for span in spans], np.int32).T,  # pyright: ignore[reportArgumentType]
+        span=i32(np.array([[round(min(time * rate, 2e9)) for time in span] for span in spans]).T),
         rate=f32(np.array([rain.rate_hz for _, rain in showers])),
         size=f32(np.array([rain.impulse_n_s for _, rain in showers])),
     )
@@ -277,8 +278,8 @@ def _character(scene: Scene, herd: HerdScene) -> dict[str, Any]:
 def _styles(scene: Scene, herd: HerdScene) -> StyleEvents:
     events, rate, plays = scene.scenario.events, scene.scenario.rate_hz, herd.plays
     return StyleEvents(
-        frame=np.array([round(events[play.event].at_s * rate) for play in plays], np.int32),  # pyright: ignore[reportArgumentType]
-        target=np.array([play.channel for play in plays], np.int32),  # pyright: ignore[reportArgumentType]
+        frame=i32([round(events[play.event].at_s * rate) for play in plays]),
+        target=i32([play.channel for play in plays]),
         fade=f32(np.array([play.fade for play in plays])),
         hold=f32(np.array([play.hold for play in plays])),
     )

@@ -8,6 +8,7 @@ import numpy as np
 
 from crowd import river_flow
 from crowd.herd_assets import extent
+from crowd.host_arrays import f32
 from crowd.layout import FluidLayout
 from crowd.params import Fluids, Layers, Sigmoid, Turbulence, WaveTrains
 from crowd.river_flow import Modes
@@ -20,11 +21,6 @@ from kernels.turbulence import Eddies
 from kernels.waves import Waves
 
 SMALL = 0.1  # m, size below which surface tension is looked at
-
-
-def f32(values: np.ndarray | float) -> Any:
-    """On the host: `build` sends everything to the device at once."""
-    return np.asarray(values, np.float32)
 
 
 def fluid_layout(scene: Scene) -> FluidLayout:

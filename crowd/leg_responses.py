@@ -9,6 +9,7 @@ import numpy as np
 
 from crowd import posing
 from crowd.analysis.gait import feet
+from crowd.host_arrays import f32
 from crowd.params import HighStep, LegClearance
 from crowd.scene import HerdScene
 from crowd.types import Archetype
@@ -22,8 +23,8 @@ def leg_responses(herd: HerdScene, size: np.ndarray) -> dict[str, Any]:
     own = herd.model.responses
     step, apart, pairs = own.high_step, own.leg_clearance, near_legs(herd)
     return dict(
-        high_step=HighStep(step.clearance_m * size, step.to_depth_m * size) if step is not None else None,  # pyright: ignore[reportArgumentType]
-        clearance=LegClearance(apart.gap_share * _distances(herd, pairs)[:, None] * herd.scale)  # pyright: ignore[reportArgumentType]
+        high_step=HighStep(f32(step.clearance_m * size), f32(step.to_depth_m * size)) if step is not None else None,
+        clearance=LegClearance(f32(apart.gap_share * _distances(herd, pairs)[:, None] * herd.scale))
         if apart is not None and pairs
         else None,
     )

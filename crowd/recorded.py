@@ -100,12 +100,12 @@ def open_recording(path: str | Path) -> Recording:
         root = zarr.open_group(str(path), mode="r", use_consolidated=False)
     except (OSError, ValueError, KeyError) as error:
         raise fail(str(path), "no recording there (a folder written by `crowd run`, recording.zarr)") from error
-    attributes = dict(root.attrs)
+    attributes: dict[str, Any] = dict(root.attrs)
     if attributes.get("format") != FORMAT:
         raise fail(str(path), f"format {attributes.get('format')!r}, expected {FORMAT!r}")
-    frames = int(attributes["frames"])  # type: ignore[call-overload]
+    frames = int(attributes["frames"])
     herds, described, first = {}, [], 0
-    for name in attributes["herds"]:  # type: ignore[union-attr]
+    for name in attributes["herds"]:
         group = root[name]
         assert isinstance(group, zarr.Group)
         count = int(_array(group, "character").shape[0])
@@ -115,7 +115,7 @@ def open_recording(path: str | Path) -> Recording:
         described.append(_herd(name, group, count))
         first += count
     time = np.asarray(_array(root, "time")[:frames]) if "time" in root else np.zeros(0)
-    scene = RecordedScene(tuple(described), _heights(root), list(attributes.get("levels") or []))  # type: ignore[arg-type]
+    scene = RecordedScene(tuple(described), _heights(root), list(attributes.get("levels") or []))
     return Recording(path, time, herds, scene, attributes, recorded_water(root))
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from crowd import posing
 from crowd.assets import WaterAssets, WaterBody
 from crowd.ground_water import WaterGrid
+from crowd.host_arrays import f32, i32
 from crowd.layout import WaterLayout
 from crowd.params import WaterParams
 from crowd.scene import HerdScene, Scene
@@ -14,7 +15,6 @@ from crowd.state import Water
 from crowd.types import Archetype
 from kernels import water
 
-F32 = np.float32
 SLICES = 16  # heights at which cross-sections are measured
 
 
@@ -32,9 +32,9 @@ def water_assets(scene: Scene) -> WaterAssets | None:
     if grid is None:
         return None
     return WaterAssets(
-        calm=np.asarray(_calm(grid), F32),  # pyright: ignore[reportArgumentType]
-        origin=np.array([grid.x[0], grid.z[0]], F32),  # pyright: ignore[reportArgumentType]
-        cell=F32(grid.cell),  # pyright: ignore[reportArgumentType]
+        calm=f32(_calm(grid)),
+        origin=f32(np.array([grid.x[0], grid.z[0]])),
+        cell=f32(grid.cell),
         bodies=tuple(_body(herd) for herd in scene.herds),
     )
 
@@ -45,7 +45,7 @@ def water_params(scene: Scene) -> WaterParams | None:
     if grid is None:
         return None
     numbers = (grid.surface, grid.depth, grid.strength, grid.current)
-    return WaterParams(*(np.asarray(number, F32) for number in numbers))  # pyright: ignore[reportArgumentType]
+    return WaterParams(*(f32(np.asarray(number)) for number in numbers))
 
 
 def still_water(scene: Scene) -> tuple[Water, ...]:
@@ -54,8 +54,9 @@ def still_water(scene: Scene) -> tuple[Water, ...]:
     if grid is None:
         return ()
     rows, columns = len(grid.z), len(grid.x)
-    level, spectrum = np.zeros((rows, columns), F32), np.zeros((2, rows, columns // 2 + 1), F32)
-    return (Water(level, np.zeros((2, rows, columns), F32), spectrum, np.zeros(1, np.int32)),)  # pyright: ignore[reportArgumentType]
+    shapes = (rows, columns), (2, rows, columns), (2, rows, columns // 2 + 1)
+    level, flow, spectrum = (f32(np.zeros(shape)) for shape in shapes)
+    return (Water(level, flow, spectrum, i32([0])),)
 
 
 def _calm(grid: WaterGrid) -> np.ndarray:
@@ -80,7 +81,7 @@ def _body(herd: HerdScene) -> WaterBody:
     offset = middle + (np.stack([along, 0 * along]) if x1 - x0 > z1 - z0 else np.stack([0 * along, along]))
     hips = place[[leg.hip for leg in archetype.legs]]
     values = (hips.T[..., None], max(legs, 0.0) / max(len(archetype.legs), 1), offset[..., None], max(whole, 0.0))
-    return WaterBody(*(np.asarray(value, F32) for value in (*values, bottom, top)))  # pyright: ignore[reportArgumentType]
+    return WaterBody(*(f32(value) for value in (*values, bottom, top)))
 
 
 def _on_limbs(archetype: Archetype) -> np.ndarray:

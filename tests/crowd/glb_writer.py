@@ -156,7 +156,10 @@ def _animation(file: File, rig: Rig, name: str) -> dict[str, Any]:
 
 def _reach(hip: np.ndarray, knee: np.ndarray, ankle: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Turns about x (rad) of hip and knee that bring the ankle to `target` [F, 3], in the plane x = const."""
-    flat = lambda v: v[..., 2] + 1j * v[..., 1]  # noqa: E731
+
+    def flat(v: np.ndarray) -> np.ndarray:
+        return v[..., 2] + 1j * v[..., 1]
+
     thigh, shank, way = flat(knee - hip), flat(ankle - knee), flat(target - hip)
     a, b = abs(thigh), abs(shank)
     length = np.clip(np.abs(way), abs(a - b) + 1e-6, (a + b) * 0.9999)

@@ -24,6 +24,7 @@ ROOMS: list[tuple[str, ...]] = [
         "crowd.progress",
         "crowd.cache_folder",
         "crowd.output_folder",
+        "crowd.host_arrays",
     ),
     ("crowd.scenario*",),
     (

@@ -62,7 +62,10 @@ def test_profile(kind, batch: tuple[int, ...]) -> None:
     parameters, formula = PROFILES[kind]
     s = np.random.default_rng(0).uniform(-3, 17, batch)
     expected = np.vectorize(formula, otypes=[float])(s)
-    run = lambda parameters, s: terrain.profile(named(kind), parameters, s)  # noqa: E731
+
+    def run(parameters, s):
+        return terrain.profile(named(kind), parameters, s)
+
     height, slope = in_double(run, np.array(parameters), s)
     assert_close(height, expected, 1e-9)
     assert_close(in_single(run, np.array(parameters), s)[0], expected, 1e-5)
@@ -135,8 +138,11 @@ def test_grid_gradients() -> None:
 @pytest.mark.parametrize("post", [(0, 0), (2, 3), (3, 5)])
 def test_places_counted_from_a_post(post: tuple[int, int]) -> None:
     u, v = np.random.default_rng(5).uniform(-2, 8, (2, 300))
-    cell = lambda u, v: terrain.locate(GRID.shape, u - post[1], v - post[0], post)  # noqa: E731
-    run = lambda g, u, v: terrain.grid_ground(terrain.posts(g, 6, cell(u, v).corner), cell(u, v))  # noqa: E731
+
+    def run(grid, u, v):
+        cell = terrain.locate(GRID.shape, u - post[1], v - post[0], post)
+        return terrain.grid_ground(terrain.posts(grid, 6, cell.corner), cell)
+
     assert_close(in_double(run, GRID.ravel(), u, v), in_double(bilinear, GRID.ravel(), u, v), 1e-12)
 
 
