@@ -95,10 +95,7 @@ def _compiled(job: Job, frames: int) -> tuple[Any, dict[str, Any]]:
     shares = dealt(program, job.case.devices)
     built = time.perf_counter()
     run = compiled(program[0], -(-frames // RATE))
-    lowered = [
-        run.lower(*share, *_scalars(share, frames))  # pyright: ignore[reportFunctionMemberAccess]
-        for share in shares
-    ]
+    lowered = [run.lower(*share, *_scalars(share, frames)) for share in shares]
     traced, processor = time.perf_counter(), time.process_time()
     with ThreadPoolExecutor(len(shares)) as pool:
         executables = list(pool.map(lambda one: one.compile(), lowered))

@@ -73,7 +73,7 @@ def surfaces(scene: SceneLike, time: float = 0.0) -> list[Level]:
         _, color, clarity = min(FLUIDS, key=lambda fluid: abs(fluid[0] - density))
         x, z = (tuple(level[axis]) if level[axis] else (-np.inf, np.inf) for axis in ("x", "z"))
         waves = tuple((a, kx, kz, phase - omega * time) for a, kx, kz, omega, phase in level.get("waves", ()))
-        levels.append(Level(level["surface_m"], color, x, z, clarity, tuple(levels), waves))  # type: ignore[arg-type]
+        levels.append(Level(level["surface_m"], color, x, z, clarity, tuple(levels), waves))
     return levels
 
 

@@ -66,4 +66,4 @@ def test_simulate_is_a_function_in_any_order_of_imports(first: str) -> None:
 
 def test_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="no attribute 'simluate'"):
-        _ = crowd.simluate  # pyright: ignore[reportAttributeAccessIssue]
+        _ = crowd.simluate

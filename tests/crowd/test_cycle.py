@@ -125,7 +125,7 @@ VARIANTS = {
 @pytest.mark.parametrize("name", VARIANTS, ids=str)
 def test_capture_becomes_a_rig(tmp_path: Path, name: str) -> None:
     path = tmp_path / "walker.bvh"
-    path.write_text(walker(**VARIANTS[name]))  # type: ignore[arg-type]
+    path.write_text(walker(**VARIANTS[name]))
     rig = bvh.read_rig(path)
     assert rig.metres_per_unit is not None and rig.mesh is not None and rig.up == "+y"
     clip = rig.clips[0]

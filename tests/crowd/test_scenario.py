@@ -223,7 +223,7 @@ def test_models_forbid_unknown_keys_and_changes() -> None:
     ground = HeightMap(kind="heightmap", file="x.png")
     assert isinstance(ground, Model)
     with pytest.raises(ValueError, match="frozen"):
-        ground.file = "y.png"  # pyright: ignore[reportAttributeAccessIssue]
+        ground.file = "y.png"
     with pytest.raises(ValueError, match="Extra inputs"):
         HeightMap.model_validate({"kind": "heightmap", "file": "x.png", "fiel": 1})
 

@@ -39,7 +39,7 @@ def booted(yaw: float, ball: bool, size: tuple[float, float] = (0.28, 0.1), ahea
     mesh = Mesh(places, np.array([[0, 1, 2]], np.int32), joints, np.ones((8, 1)), inverse)
     tip = 4 if ball else 3
     contact = posing.rotate(posing.conjugate(q[tip]), p[tip] * [1, 0, 1] - p[tip])
-    leg = Leg("left", 1, 2, 3, tip, tuple(contact), 1)  # type: ignore[arg-type]
+    leg = Leg("left", 1, 2, 3, tip, tuple(contact), 1)
     return Archetype("booted", skeleton, mesh, (leg,), (), (), 0, 1.7, 70.0, "booted.glb")
 
 

@@ -25,7 +25,7 @@ def signed(phase: np.ndarray) -> np.ndarray:
 
 def walker(turn: float = 0.0, name: str = "step", role: str = "walk", period: float = 1.0, **change: object) -> Clip:
     options = {**WALK, **change}
-    return replace(stepping(legged(BIPED), turn=turn, period=period, **options), name=name, role=role)  # type: ignore[arg-type]
+    return replace(stepping(legged(BIPED), turn=turn, period=period, **options), name=name, role=role)
 
 
 def check_tables(motion: Motion) -> None:
