@@ -270,23 +270,13 @@ def rigid(
         slope = s[0] * (square * scale)
         return jnp.concatenate([quat.rotate(transforms[:4], force), magnitude[None], moment, slope[None]])
 
-    def moments_together(factor: Array, magnitude: Array) -> tuple[Array, Array]:
-        """Both `moments` in one pass over the triangles."""
-        rows = [mesh.moments[:, k].reshape(*factor.shape[:2], *(1,) * (factor.ndim - 2)) for k in range(4)]
-        both = total_of(1, [row * each for each in (factor, magnitude) for row in rows], wall)
-        return both[:4], both[4:]
-
     fluid = fluid._replace(surface=jnp.maximum(fluid.surface, DRY))
     carried_bones = wall(carried, transforms, velocity, scale, *_levels(fluid.surface, floor))
     bone = wall(lambda carried: carried[:, bones], carried_bones)
     wet = wall(shares, bone)
     factor = wall(factors, bone, wet, fluid, scale)
     magnitude = wall(magnitudes, factor, bone)
-    if wall is no_wall:
-        s, m = moments_together(factor, magnitude)
-        total = total_of(0, tuple(assembled(s, m, bone, transforms[:, bones], scale)))
-    else:
-        s, m = wall(moments, factor), wall(moments, magnitude)
-        blocks = wall(assembled, s, m, bone, transforms[:, bones], scale)
-        total = wall(lambda blocks: blocks.sum(1), blocks)
+    s, m = wall(moments, factor), wall(moments, magnitude)
+    blocks = wall(assembled, s, m, bone, transforms[:, bones], scale)
+    total = wall(lambda blocks: blocks.sum(1), blocks)
     return Drag(total[:3], total[3], total[4:7], total[7])

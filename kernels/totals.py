@@ -1,4 +1,4 @@
-"""Totals of several arrays at once: where kernels are large, what leads to them is worked out once, in one kernel."""
+"""Totals of several arrays at once: where kernels are large, one kernel sums them all."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def total_of(axis: int, terms: Sequence[Array], wall: Wall = no_wall) -> Array:
     """[terms, ...]: each term summed over `axis`; terms are alike in shape.
 
     Behind a wall each sum is a reduction of its own, which a processor runs fastest over terms that lie in memory.
-    Without walls they are one reduction with several outputs: a GPU keeps the terms in registers (XLA reads and writes
-    every one of them otherwise, about 1 GB a frame for 100 000 people).
+    Without walls they are one reduction with several outputs: otherwise XLA makes several kernels on a GPU, and each
+    reads what leads to its terms again (102 400 people with skinned drag on an H200: 3.7 ms a frame instead of 4.6).
     """
     if wall is not no_wall:
         return jnp.stack([term.sum(axis) for term in terms])

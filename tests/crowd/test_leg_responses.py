@@ -80,6 +80,17 @@ def test_any_number_of_legs() -> None:
     assert np.linalg.norm(np.diff(arrays["handle"], axis=0), axis=-1)[planted].max() < 1e-5
 
 
+def test_feet_of_the_footstep_controller_keep_apart_too() -> None:
+    """It aims aside of the other foot by itself, but swings through it in a turn."""
+    turn = [{"at_s": 1.0, "velocity_m_s": [0.0, -0.9]}]
+    close = {}
+    for name, own in {"plain": {}, "apart": {"leg_clearance": {}}}.items():
+        arrays = run(scenario([people(**own)], events=turn), 4.0)["p"]
+        ankle, ball = arrays["ankle"][..., [0, 2]], arrays["ball"][..., [0, 2]]
+        close[name] = (distance(ankle[:, :, 0], ball[:, :, 0], ankle[:, :, 1], ball[:, :, 1]) < 0.06).mean()
+    assert close["apart"] < 0.6 * close["plain"]
+
+
 def test_pushed_walkers_never_cross_their_feet() -> None:
     push = [
         {"at_s": at, "characters": [n], "impulse_n_s": [150.0, 0.0, 0.0]} for n, at in enumerate((1.0, 1.2, 1.4, 1.6))
