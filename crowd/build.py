@@ -17,7 +17,7 @@ from crowd.herd_assets import extent, herd_assets, herd_layout
 from crowd.herd_responses import load_events, remembered, responses, short_arms
 from crowd.host_arrays import f32, i32
 from crowd.initial import initial_state
-from crowd.layout import TILE, WIDE, GroundLayout, Layout
+from crowd.layout import TILE, WIDE, GroundLayout, Layout, tile_width
 from crowd.params import Character, Control, Events, Params, Showers, StyleEvents
 from crowd.scenario_control import turn_rate
 from crowd.scenario_herd import Event
@@ -51,11 +51,12 @@ KEYS = dict(
 def build(scene: Scene, devices: int = 1, walls: bool | None = None, tile: int | None = None) -> Program:
     """The program of a scene. Characters are padded to whole tiles, tiles to a multiple of `devices`.
 
-    walls, tile: left out, what suits the devices. Processors want tiles of `TILE` characters behind walls; on other
-    devices kernels are better large: no walls, and one tile on each, as wide as its share of the herd.
+    walls, tile: left out, what suits the devices. Processors want tiles of `TILE` characters (fewer for small herds)
+    behind walls; on other devices kernels are better large: no walls, and one tile on each, as wide as its share of the
+    herd.
     """
     small = jax.default_backend() == "cpu"
-    tile = tile or (TILE if small else WIDE)
+    widths = {h.name: tile or (tile_width(h.count) if small else WIDE) for h in scene.herds}
     layout = _layout(scene, small if walls is None else walls)
     assets = Assets(tuple(herd_assets(herd) for herd in scene.herds), ground_world(scene.terrain), water_assets(scene))
     params = Params(
@@ -65,11 +66,11 @@ def build(scene: Scene, devices: int = 1, walls: bool | None = None, tile: int |
         strides=tuple(stride_control(herd, layout.compat) for herd in scene.herds)
         if layout.gait == "semi_procedural"
         else (),
-        characters=tuple(_characters(scene, herd, devices, tile) for herd in scene.herds),
+        characters=tuple(_characters(scene, herd, devices, widths[herd.name]) for herd in scene.herds),
         styles=tuple(_styles(scene, herd) for herd in scene.herds),
         water=water_params(scene),
     )
-    states = (*(_state(scene, herd, layout, devices, tile) for herd in scene.herds), *still_water(scene))
+    states = (*(_state(scene, herd, layout, devices, widths[herd.name]) for herd in scene.herds), *still_water(scene))
     assets, params, states = jax.device_put((assets, params, states))
     return layout, assets, params, states
 

@@ -19,7 +19,7 @@ from crowd.scene import SAMPLES, HerdScene
 from crowd.stride_assets import FLIGHT_SAMPLES, chains, motion_layout, stride_assets
 from crowd.tree import StaticArray
 from crowd.types import Archetype, Clip, Mesh
-from kernels.drag import RigidMesh
+from kernels.drag_rigid import RigidMesh
 
 CROUCH = 0.85  # of the hips' rest height: how low the body comes for a long stride
 BLOCK = 16  # triangles per block of the rigid mesh

@@ -17,7 +17,13 @@ Gait = Literal["semi_procedural", "footsteps", "clip"]
 Faces = Literal["along", "heading", "point", "track"]
 
 TILE = 128  # characters per tile on a CPU; see docs/architecture.md
+SMALL_TILE = 64  # of herds that would leave half of a tile empty; in narrower ones sums are added in another order
 WIDE = 0  # instead of a width: as many whole times TILE as hold a device's share of the herd
+
+
+def tile_width(count: int) -> int:
+    """Characters per tile on a CPU for a herd of `count`."""
+    return SMALL_TILE if count <= SMALL_TILE else TILE
 
 
 @dataclass(frozen=True)

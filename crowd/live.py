@@ -189,7 +189,7 @@ class Stepper:
 
 
 def _untiled(values: np.ndarray, count: int) -> np.ndarray:
-    """[tiles, ..., 128] to [..., n], padding removed."""
+    """[tiles, ..., tile] to [..., n], padding removed."""
     moved = np.moveaxis(values, 0, -2)
     return moved.reshape(*moved.shape[:-2], -1)[..., :count]
 

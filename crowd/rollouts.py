@@ -16,6 +16,7 @@ from crowd.layout import Layout
 from crowd.params import Params
 from crowd.scene import Scene
 from crowd.simulate import one_frame
+from crowd.step import remembered
 from crowd.tree import pytree
 
 Read = Callable[[tuple[Any, ...], tuple[Any, ...]], Any]
@@ -57,7 +58,7 @@ class Rollout:
             return one_frame(self.layout, start.assets, params, states, flag)[0], None
 
         def seen(states: tuple[Any, ...], _: None) -> tuple[tuple[Any, ...], Any]:
-            return jax.checkpoint(advance)(states)
+            return remembered(advance)(states)
 
         def blocks(states: tuple[Any, ...], _: None) -> tuple[tuple[Any, ...], Any]:
             return jax.checkpoint(lambda states: jax.lax.scan(seen, states, None, length=self.block))(states)

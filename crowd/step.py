@@ -118,3 +118,8 @@ def step(
         strided = record.strides(state, plan, legs, wall) if layout.gait == "semi_procedural" else None
         frame = record.frame(layout, state, place, hung, legs, rotation, dragged, strided, wall)
     return dataclasses.replace(state, frame=state.frame + 1, previous=previous), frame
+
+
+def remembered(frame: Callable[..., Any]) -> Callable[..., Any]:
+    """A frame of which a backward pass keeps its arguments and the totals of the drag, and steps the rest again."""
+    return jax.checkpoint(frame, policy=jax.checkpoint_policies.save_only_these_names(skin.TOTALS))

@@ -17,7 +17,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from kernels import quat
-from kernels.drag import DRY, RigidMesh, grouped, wet_corner
+from kernels.drag import DRY, wet_corner
+from kernels.drag_rigid import RigidMesh
+from kernels.drag_skinned import grouped
 from kernels.wall import Wall, no_wall
 
 FLAT = 1e-20  # m4, under the square root of an area squared
@@ -74,7 +76,7 @@ def skinned(
 
     surface = jnp.maximum(surface, DRY)
     zero = jnp.zeros((2 if line else 1, *vertices.shape[2:]), vertices.dtype)
-    if wall is no_wall:
+    if wall.flag is None:
         total, _ = group(zero, jnp.asarray(triangles.T))
     else:
         total, _ = jax.lax.scan(group, zero, jnp.asarray(grouped(triangles)))
@@ -90,7 +92,7 @@ def rigid(
     line: bool = False,
     wall: Wall = no_wall,
 ) -> tuple[Float[Array, "*b"], Float[Array, "*b"] | None]:
-    """The same of triangles that ride on bones (see `drag.rigid`); surface: [*b], or [J, *b] over each bone."""
+    """The same of triangles that ride on bones (see `drag_rigid`); surface: [*b], or [J, *b] over each bone."""
 
     def carried(transforms: Array, scale: Array, surface: Array) -> Array:
         """Up in each bone's frame (3) and the depth of its origin, in its length unit."""

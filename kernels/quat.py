@@ -11,8 +11,8 @@ from kernels.vec import TINY
 
 def multiply(a: Float[Array, "4 *b"], b: Float[Array, "4 *c"]) -> Float[Array, "4 *d"]:
     """Hamilton product: first b, then a."""
-    aw, ax, ay, az = a
-    bw, bx, by, bz = b
+    aw, ax, ay, az = jnp.unstack(a)
+    bw, bx, by, bz = jnp.unstack(b)
     return jnp.stack(
         [
             aw * bw - ax * bx - ay * by - az * bz,
@@ -25,27 +25,27 @@ def multiply(a: Float[Array, "4 *b"], b: Float[Array, "4 *c"]) -> Float[Array, "
 
 def conjugate(q: Float[Array, "4 *b"]) -> Float[Array, "4 *b"]:
     """Inverse of a unit quaternion."""
-    w, x, y, z = q
+    w, x, y, z = jnp.unstack(q)
     return jnp.stack([w, -x, -y, -z])
 
 
 def rotate(q: Float[Array, "4 *b"], v: Float[Array, "3 *c"]) -> Float[Array, "3 *d"]:
     """v' = v + w t + u x t with t = 2 u x v and q = (w, u)."""
-    w, x, y, z = q
-    vx, vy, vz = v
+    w, x, y, z = jnp.unstack(q)
+    vx, vy, vz = jnp.unstack(v)
     tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
     return jnp.stack([vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx])
 
 
 def normalize(q: Float[Array, "4 *b"]) -> Float[Array, "4 *b"]:
     """The unit quaternion nearest to q; finite at zero."""
-    w, x, y, z = q
+    w, x, y, z = jnp.unstack(q)
     return q / jnp.sqrt(w * w + x * x + y * y + z * z + TINY)
 
 
 def matrix(q: Float[Array, "4 *b"]) -> Float[Array, "3 3 *b"]:
     """Rotation matrix, indexed [column, row]: `m[c]` is where axis c goes."""
-    w, x, y, z = q
+    w, x, y, z = jnp.unstack(q)
     columns = [
         [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
         [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
@@ -72,7 +72,7 @@ def about_x(angle: Float[Array, "*b"]) -> Float[Array, "4 *b"]:
 
 def upright(up: Float[Array, "3 *b"], yaw: Float[Array, "*b"]) -> Float[Array, "4 *b"]:
     """Yaw, and then the smallest rotation that takes +y to the unit vector `up`; for -y the yaw alone."""
-    ux, uy, uz = up
+    ux, uy, uz = jnp.unstack(up)
     sin, cos = sin_cos(0.5 * yaw)
     w = jnp.maximum(1.0 + uy, 0.0) + 1e-7  # rounding may leave it negative
     size = jnp.sqrt(w * w + ux * ux + uz * uz)
@@ -85,8 +85,8 @@ def between(a: Float[Array, "3 *b"], b: Float[Array, "3 *b"]) -> Float[Array, "4
 
     For exactly opposite vectors every axis is as good; the result is then the identity. Unit however near to opposite.
     """
-    ax, ay, az = a
-    bx, by, bz = b
+    ax, ay, az = jnp.unstack(a)
+    bx, by, bz = jnp.unstack(b)
     w = jnp.maximum(1.0 + ax * bx + ay * by + az * bz, 0.0) + 1e-7  # rounding may leave it negative
     x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     return jnp.stack([w, x, y, z]) / jnp.sqrt(w * w + x * x + y * y + z * z)

@@ -1,4 +1,8 @@
-"""Vectors `[3, *b]` by component: on a CPU 10 to 100 times faster than sum, einsum or jnp.cross."""
+"""Vectors `[3, *b]` by component: on a CPU 10 to 100 times faster than sum, einsum or jnp.cross.
+
+Components are taken apart by `jnp.unstack`: backwards, its parts are put together in one piece, where those of `v[0]`
+or of `x, y, z = v` are each padded with zeros and added.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +14,15 @@ TINY = 1e-12  # added under square roots: value and gradient stay finite at zero
 
 def dot(a: Float[Array, "3 *b"], b: Float[Array, "3 *c"]) -> Float[Array, "*d"]:
     """Inner product."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    ax, ay, az = jnp.unstack(a)
+    bx, by, bz = jnp.unstack(b)
+    return ax * bx + ay * by + az * bz
 
 
 def cross(a: Float[Array, "3 *b"], b: Float[Array, "3 *c"]) -> Float[Array, "3 *d"]:
     """Vector product a x b."""
-    ax, ay, az = a
-    bx, by, bz = b
+    ax, ay, az = jnp.unstack(a)
+    bx, by, bz = jnp.unstack(b)
     return jnp.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 

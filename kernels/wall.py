@@ -3,36 +3,193 @@
 On a CPU, XLA fuses a gather, the arithmetic after it and the reduction after that into one loop that recomputes the
 gather for every output: 10 to 30 times slower, and the rounding of one character then depends on what stands beside it.
 A wall is a conditional whose flag is an argument of the jitted program, so that the compiler cannot see through it. It
-works under scan, map, shard_map, vmap (flag not batched) and reverse mode. On a GPU kernels are better large: no walls.
+works under scan, map, shard_map, vmap (flag not batched) and both modes of differentiation. On a GPU kernels are better
+large: no walls.
 
 The rule: *gather | elementwise with one output | reduction* are never in one region.
+
+A derivative of a wall is a wall that gets the arguments of the stage and runs it again. JAX's own conditional would
+instead return what its derivative needs, each array an output of its own for which XLA computes the whole stage anew
+and copies what it was given: three times the time of a backward pass.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.extend.core import ClosedJaxpr, Literal, Primitive, Var, jaxpr_as_fun
+from jax.interpreters import ad, batching, mlir
 
-Wall = Callable[..., Any]
+Flat = Callable[..., Sequence[Any]]  # a stage on arrays instead of trees
 
 
-def no_wall(stage: Callable[..., Any], *arguments: Any) -> Any:
-    """Run the stage as part of whatever surrounds it."""
-    return stage(*arguments)
+class Wall(NamedTuple):
+    """Runs stages behind a flag, or (None: no wall) as part of whatever surrounds them."""
+
+    flag: Array | None
+
+    def __call__(self, stage: Callable[..., Any], *arguments: Any) -> Any:
+        if self.flag is None:
+            return stage(*arguments)
+        leaves, tree = jax.tree.flatten(arguments)
+        closed, shapes = jax.make_jaxpr(lambda *leaves: stage(*tree.unflatten(leaves)), return_shape=True)(*leaves)
+        enclosed = len(closed.consts)  # what the stage got from its surroundings instead of by argument
+
+        def flat(*operands: Any) -> Sequence[Any]:
+            return jaxpr_as_fun(ClosedJaxpr(closed.jaxpr, operands[:enclosed]))(*operands[enclosed:])
+
+        outs = wall_p.bind(
+            self.flag, *closed.consts, *leaves, stage=flat, shapes=tuple(closed.out_avals), reach=_reach(closed.jaxpr)
+        )
+        return jax.tree.unflatten(jax.tree.structure(shapes), outs)
+
+    def linear(
+        self, stage: Callable[[Any, Any], Any], transpose: Callable[[Any, Any], Any], constants: Array, x: Array
+    ) -> Array:
+        """stage(constants, x), an array that is linear in x, where what JAX makes of its transpose would be slow.
+
+        transpose(constants, cotangent): the cotangent of x.
+        """
+        if self.flag is None:
+            return stage(constants, x)
+        closed = jax.make_jaxpr(stage)(constants, x)
+        flat, back = (lambda *given: [stage(*given)]), (lambda *given: [transpose(*given)])
+        return wall_p.bind(
+            self.flag, constants, x, stage=flat, shapes=tuple(closed.out_avals), reach=_reach(closed.jaxpr), back=back
+        )[0]
 
 
-def through(flag: jax.Array) -> Wall:
+no_wall = Wall(None)
+
+
+def through(flag: Array) -> Wall:
     """A wall behind `flag`, a scalar bool that is true at run time and an unbatched argument of the jitted program."""
+    return Wall(flag)
 
-    def wall(stage: Callable[..., Any], *arguments: Any) -> Any:
-        shapes = jax.eval_shape(stage, *arguments)
 
-        def nothing(*_: Any) -> Any:
-            return jax.tree.map(lambda shape: jnp.zeros(shape.shape, shape.dtype), shapes)
+def _reach(jaxpr: Any) -> tuple[frozenset[int], ...]:
+    """For each output, the operands that its derivative may depend on."""
+    inputs = (*jaxpr.constvars, *jaxpr.invars)
+    reach: dict[Var, frozenset[int]] = {v: frozenset([i] if _differs(v.aval) else []) for i, v in enumerate(inputs)}
+    none: frozenset[int] = frozenset()
+    for eqn in jaxpr.eqns:
+        felt = none.union(*(reach[v] for v in eqn.invars if not isinstance(v, Literal)))
+        reach.update((v, felt if _differs(v.aval) else none) for v in eqn.outvars)
+    return tuple(none if isinstance(v, Literal) else reach[v] for v in jaxpr.outvars)
 
-        return jax.lax.cond(flag, stage, nothing, *arguments)
 
-    return wall
+def _differs(aval: Any) -> bool:
+    return jnp.issubdtype(aval.dtype, np.inexact)
+
+
+# Operands: the flag, then those of `stage`, a function of arrays. shapes: of its outputs. reach: as `_reach` says.
+# back: of a stage that is linear in the second of two operands, its transpose (see `Wall.linear`).
+wall_p = Primitive("wall")
+wall_p.multiple_results = True
+
+
+@wall_p.def_impl
+def _run(flag: Any, *operands: Any, stage: Flat, shapes: tuple[Any, ...], **_: Any) -> list[Any]:
+
+    def nothing(*_: Any) -> list[Any]:
+        return [jnp.zeros(shape.shape, shape.dtype) for shape in shapes]
+
+    return jax.lax.cond(flag, lambda *operands: list(stage(*operands)), nothing, *operands)
+
+
+mlir.register_lowering(wall_p, mlir.lower_fun(_run, multiple_results=True))
+
+
+@wall_p.def_abstract_eval
+def _shapes(*_: Any, shapes: tuple[Any, ...], **__: Any) -> tuple[Any, ...]:
+    return shapes
+
+
+def _jvp(
+    primals: Any, tangents: Any, *, stage: Flat, shapes: Any, reach: Any, back: Flat | None = None
+) -> tuple[list[Any], list[Any]]:
+    """The stage, and behind another wall its derivative along those tangents that are not zero."""
+    flag, *operands = primals
+    along = [i for i, tangent in enumerate(tangents[1:]) if not isinstance(tangent, ad.Zero)]
+    moved = [k for k, felt in enumerate(reach) if felt.intersection(along)]
+    outs = wall_p.bind(flag, *operands, stage=stage, shapes=shapes, reach=reach, back=back)
+    if back is not None and along == [1]:
+        given = (flag, operands[0], tangents[2])
+        return outs, wall_p.bind(*given, stage=stage, shapes=shapes, reach=reach, back=back)
+    changes = [ad.Zero(out.to_tangent_aval()) for out in shapes]
+    if moved:
+        derivative = functools.partial(_derivative, stage, len(operands), tuple(along), tuple(moved))
+        place = {i: len(operands) + j for j, i in enumerate(along)}
+        after = tuple(frozenset(reach[k]) | {place[i] for i in reach[k] if i in place} for k in moved)
+        given = (*operands, *(tangents[1 + i] for i in along))
+        changed = wall_p.bind(flag, *given, stage=derivative, shapes=tuple(shapes[k] for k in moved), reach=after)
+        for k, change in zip(moved, changed, strict=True):
+            changes[k] = change
+    return outs, changes
+
+
+def _derivative(stage: Flat, count: int, along: tuple[int, ...], moved: tuple[int, ...], *given: Any) -> list[Any]:
+    """Change of the outputs `moved` with the operands `along`; given: all `count` operands, then their tangents."""
+    operands, tangents = given[:count], given[count:]
+
+    def part(*varied: Any) -> list[Any]:
+        own = dict(zip(along, varied, strict=True))
+        outs = stage(*(own.get(i, operand) for i, operand in enumerate(operands)))
+        return [outs[k] for k in moved]
+
+    return jax.jvp(part, tuple(operands[i] for i in along), tangents)[1]
+
+
+def _transpose(
+    cotangents: Any, flag: Any, *operands: Any, stage: Flat, shapes: Any, reach: Any, back: Flat | None = None
+) -> list[Any]:
+    """Cotangents of the operands in which the stage is linear, behind a wall."""
+    linear = tuple(i for i, operand in enumerate(operands) if ad.is_undefined_primal(operand))
+    felt = tuple(k for k, cotangent in enumerate(cotangents) if not isinstance(cotangent, ad.Zero))
+    avals = tuple(operands[i].aval for i in linear)
+    known = [operand for i, operand in enumerate(operands) if i not in linear]
+    given = (*known, *(cotangents[k] for k in felt))
+    reach = (frozenset(range(len(given))),) * len(linear)
+    if back is not None and linear == (1,):
+        outs = wall_p.bind(flag, *given, stage=back, shapes=avals, reach=reach, back=stage)
+    else:
+        pull = functools.partial(_pulled, stage, len(operands), linear, felt, avals)
+        outs = wall_p.bind(flag, *given, stage=pull, shapes=avals, reach=reach)
+    pulled = dict(zip(linear, outs, strict=True))
+    return [None, *(pulled.get(i) for i in range(len(operands)))]
+
+
+def _pulled(
+    stage: Flat, count: int, linear: tuple[int, ...], felt: tuple[int, ...], avals: tuple[Any, ...], *given: Any
+) -> Sequence[Any]:
+    """The transpose of a stage in its operands `linear`; given: the other operands, then cotangents of `felt`."""
+    known = count - len(linear)
+
+    def part(*varied: Any) -> list[Any]:
+        own, rest = dict(zip(linear, varied, strict=True)), iter(given[:known])
+        outs = stage(*(own[i] if i in own else next(rest) for i in range(count)))
+        return [outs[k] for k in felt]
+
+    return jax.linear_transpose(part, *avals)(list(given[known:]))
+
+
+def _batched(
+    operands: Any, axes: Any, *, stage: Flat, shapes: Any, reach: Any, **_: Any
+) -> tuple[list[Any], list[int]]:
+    if axes[0] is not None:
+        raise NotImplementedError("the flag of a wall cannot be batched")
+    size = next(x.shape[axis] for x, axis in zip(operands, axes, strict=True) if axis is not None)
+    wider = tuple(out.update(shape=(size, *out.shape)) for out in shapes)
+    mapped = jax.vmap(stage, in_axes=tuple(axes[1:]), axis_size=size)
+    return wall_p.bind(*operands, stage=mapped, shapes=wider, reach=reach), [0] * len(shapes)
+
+
+ad.primitive_jvps[wall_p] = _jvp
+ad.primitive_transposes[wall_p] = _transpose
+batching.primitive_batchers[wall_p] = _batched

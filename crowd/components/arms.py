@@ -58,37 +58,46 @@ def arms(
     With `responses.arms` it fades in and out with play and a time constant, and the hand goes no further than shoulder
     and elbow let it (`kernels.arm_limits`).
     """
-    now = (character, state, hung.transforms, shift, surface)
+    now = (character, hung.transforms, shift, surface)
+    below = wall(lambda *now: _below(herd, assets, params, *now), *now)
     if "arms" not in herd.responses:
-        goal = wall(lambda *now: _goal(herd, assets, params, *now), *now)
+        raised = wall(lambda c, below: _response(below, assets.arm_length * c.scale), character, below)
     else:
-        raised = wall(lambda *now: _raised(dt, herd, assets, params, *now), *now)
+        raised = wall(lambda c, s, below: _raised(dt, assets, c, s, below), character, state, below)
         state = dataclasses.replace(state, responded=dataclasses.replace(state.responded, raised=raised))
-        goal = wall(lambda raised, *now: _goal(herd, assets, params, *now, raised=raised), raised, *now)
+    goal = wall(lambda raised, s, *now: _goal(herd, assets, params, raised, s, *now), raised, state, *now)
+    if "arms" in herd.responses:
         goal = wall(lambda c, g, facing: _within(assets, c, g, facing), character, goal, hung.orientation)
     bent = wall(_bent, goal)
     turns = wall(_turns, goal, *bent)
     return state, wall(_segments, goal, turns, shift)
 
 
-def _raised(
-    dt: float,
+def _below(
     herd: HerdLayout,
     assets: HerdAssets,
     params: Params,
     character: Character,
-    state: State,
     transforms: Array,
     shift: Array,
     surface: Array,
 ) -> Array:
+    """[A, n] m: how far the lower of elbow and hand is below where it is wanted."""
+    height = moved(transforms[4:], shift)[1]
+    lowest = jnp.minimum(*(height[np.array(joints)] for joints in (herd.elbows, herd.hands)))
+    return _level(assets, params, character, surface) - lowest
+
+
+def _level(assets: HerdAssets, params: Params, character: Character, surface: Array) -> Array:
+    """[A, n] m: height that elbow and hand are to have."""
+    return jnp.maximum(surface, -1e3) + params.control.arm_margin + HAND * assets.arm_length * character.scale
+
+
+def _raised(dt: float, assets: HerdAssets, character: Character, state: State, below: Array) -> Array:
     """[A, n] how far arms are raised after the frame: with play of a band of depths, and slowly."""
     own, before = character.responses.arms, state.responded.raised
     assert own is not None and before is not None
     size = assets.arm_length * character.scale
-    height = moved(transforms[4:], shift)[1]
-    lowest = jnp.minimum(*(height[np.array(joints)] for joints in (herd.elbows, herd.hands)))
-    below = jnp.maximum(surface, -1e3) + params.control.arm_margin + HAND * size - lowest
     wanted = arm_limits.play(before, _response(below, size), _response(below + own.band, size))
     return before + (wanted - before) * controllers.low_pass(dt, own.time)
 
@@ -102,21 +111,18 @@ def _goal(
     herd: HerdLayout,
     assets: HerdAssets,
     params: Params,
-    character: Character,
+    response: Array,
     state: State,
+    character: Character,
     transforms: Array,
     shift: Array,
     surface: Array,
-    raised: Array | None = None,
 ) -> _Goal:
-    """What each arm is to do; raised [A, n]: how far, left out: as its depth says."""
+    """What each arm is to do; response [A, n]: how far it is raised."""
     position = moved(transforms[4:], shift)
     shoulder, elbow, hand = (position[:, np.array(j)] for j in (herd.shoulders, herd.elbows, herd.hands))
     size = assets.arm_length * character.scale
-    level = jnp.maximum(surface, -1e3) + params.control.arm_margin + HAND * size
-    lowest = jnp.minimum(hand[1], elbow[1])
-    response = _response(level - lowest, size) if raised is None else raised
-    short = level - hand[1]
+    short = _level(assets, params, character, surface) - hand[1]
     rise = 0.5 * (short + jnp.sqrt(short * short + (0.1 * size) ** 2))
     outward = quat.rotate(quat.about_y(state.yaw)[:, None], assets.arm_outward)
     goal = hand + outward * (ASIDE * size * response)

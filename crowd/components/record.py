@@ -28,10 +28,10 @@ def joint_rotations(layout: Layout, herd: HerdLayout, hung: Hung, transforms: Ar
 
     def gathered(orientation: Array, transforms: Array) -> Array:
         top = jnp.broadcast_to(orientation[:, None], (4, len(roots), *orientation.shape[1:]))
-        return jnp.concatenate([top, transforms[:4][:, above]], 1)[:, back]
+        return quat.conjugate(jnp.concatenate([top, transforms[:4][:, above]], 1)[:, back])
 
     parents = wall(gathered, hung.orientation, transforms)
-    return wall(lambda parents, transforms: quat.multiply(quat.conjugate(parents), transforms[:4]), parents, transforms)
+    return wall(lambda parents, transforms: quat.multiply(parents, transforms[:4]), parents, transforms)
 
 
 def frame(

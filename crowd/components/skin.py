@@ -6,9 +6,11 @@ import dataclasses
 import functools
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.ad_checkpoint import checkpoint_name
 
 from crowd.assets import HerdAssets
 from crowd.components import buoyancy, currents
@@ -16,11 +18,13 @@ from crowd.components.sense import Surroundings
 from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, Fluids
 from crowd.state import FAULT_DRAG, State
-from kernels import drag, quat, skinning
+from kernels import drag, drag_rigid, drag_skinned, quat, skinning
 from kernels.drag import Fluid
 from kernels.trig import sin_cos
 from kernels.vec import cross
 from kernels.wall import Wall
+
+TOTALS = "drag"  # name of what a backward pass keeps of a frame, beside its state: the totals over the mesh
 
 
 class Load(NamedTuple):
@@ -80,6 +84,7 @@ def fluid_drag(
         part = _drag(layout, herd, assets, character, previous, here, floor, way, moved, wall)
         total = part if total is None else drag.Drag(*(a + b for a, b in zip(total, part, strict=True)))
         floor = here.surface
+    total = jax.tree.map(lambda x: checkpoint_name(x, TOTALS), total)
     weight = None
     if place.densities:
         surfaces = tuple(each.surface for each in (fluid, *under))
@@ -107,7 +112,7 @@ def _drag(
     rate = 1.0 / layout.dt
     if layout.mesh == "rigid":
         velocity = wall(functools.partial(_bone_velocity, rate), moved, previous, way, fluid.flow)
-        return drag.rigid(
+        return drag_rigid.rigid(
             herd.block_bones.values,
             assets.rigid_mesh,
             moved,
@@ -126,7 +131,7 @@ def _drag(
         way,
         fluid.flow,
     )
-    return drag.skinned(
+    return drag_skinned.skinned(
         herd.triangles.values, moved, velocity, fluid, layout.submersion, layout.offset_mode, wall, floor
     )
 

@@ -21,7 +21,7 @@ from crowd.build import Program
 from crowd.layout import TILE, Layout
 from crowd.params import Params
 from crowd.state import State
-from crowd.step import step
+from crowd.step import remembered, step
 from crowd.tuning import parameters, quantities
 from crowd.tuning.parameters import Free
 from kernels.wall import no_wall, through
@@ -78,7 +78,7 @@ def measured(plan: Plan, given: Lanes, free: Sequence[Array], flag: Array) -> Ar
         return frame(state), None
 
     def seen(state: State, _: None) -> tuple[State, dict[str, Array]]:
-        state = jax.checkpoint(frame)(state)
+        state = remembered(frame)(state)
         return state, quantities.signals(state)
 
     state, _ = jax.lax.scan(settled, given.state, None, length=plan.settle)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from crowd import build, scene, simulate
-from crowd.layout import TILE
+from crowd.layout import SMALL_TILE, TILE
 from tests.crowd.scenes import herd, run, scenario
 
 SECONDS = 1.0
@@ -50,6 +50,16 @@ def test_the_run_is_alive(alone: tuple[str, dict[str, np.ndarray]]) -> None:
 def test_batch_size(alone: tuple[str, dict[str, np.ndarray]]) -> None:
     mesh, expected = alone
     assert_equal(expected, run(beach([people(130)], mesh), SECONDS)["people"])
+
+
+def test_narrow_tiles() -> None:
+    """A small herd is stepped in a narrower tile, with the same bits: legs on rubble, wet to the belly."""
+    dogs = {"ground": {"kind": "rubble", "amplitude_m": 0.15, "cell_m": 0.4}, "gait": "semi_procedural"}
+    few, many = (
+        run(scenario([herd("dogs", "dog", count, 1.0)], 0.3, record={"rate_hz": 60, "pose": True}, **dogs), SECONDS)
+        for count in (SMALL_TILE, SMALL_TILE + 1)
+    )
+    assert_equal(few["dogs"], many["dogs"])
 
 
 def test_herds_beside(alone: tuple[str, dict[str, np.ndarray]]) -> None:

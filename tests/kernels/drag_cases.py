@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from crowd import posing
-from kernels import drag
+from kernels import drag, drag_rigid, drag_skinned
 from kernels.wall import no_wall, through
 from tests.kernels import meshes
 from tests.kernels.checks import (
@@ -33,7 +33,7 @@ def fluid(surface: Any = 1e3, offset: float = 0.0, flow: Any = (0.0, 0.0, 0.0), 
 def skinned(triangles: np.ndarray, submersion: Any = "clipped", mode: Any = "area", flag: Any = None):
     def run(vertices, velocity, *fluid):
         wall = no_wall if flag is None else through(jnp.asarray(flag))
-        return tuple(drag.skinned(triangles, vertices, velocity, drag.Fluid(*fluid), submersion, mode, wall))
+        return tuple(drag_skinned.skinned(triangles, vertices, velocity, drag.Fluid(*fluid), submersion, mode, wall))
 
     return run
 
@@ -123,8 +123,16 @@ def rigid(bones, submersion: Any = "clipped", mode: Any = "area", flag: Any = No
     def run(mesh, transforms, velocity, scale, *fluid):
         wall = no_wall if flag is None else through(jnp.asarray(flag))
         return tuple(
-            drag.rigid(
-                bones, drag.RigidMesh(*mesh), transforms, velocity, scale, drag.Fluid(*fluid), submersion, mode, wall
+            drag_rigid.rigid(
+                bones,
+                drag_rigid.RigidMesh(*mesh),
+                transforms,
+                velocity,
+                scale,
+                drag.Fluid(*fluid),
+                submersion,
+                mode,
+                wall,
             )
         )
 

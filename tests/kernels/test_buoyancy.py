@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from kernels import buoyancy, drag
+from kernels import buoyancy, drag_rigid
 from kernels.wall import no_wall, through
 from tests.kernels import meshes
 from tests.kernels.checks import (
@@ -72,7 +72,9 @@ def test_rigid_is_skinned(batch: tuple[int, ...]) -> None:
     surface = np.random.default_rng(3).uniform(-0.3, 0.3, batch)
 
     def run(mesh: Any, transforms: Any, scale: Any, surface: Any) -> Any:
-        return buoyancy.rigid(bones.astype(np.int32), drag.RigidMesh(*mesh), transforms, scale, surface, line=True)
+        return buoyancy.rigid(
+            bones.astype(np.int32), drag_rigid.RigidMesh(*mesh), transforms, scale, surface, line=True
+        )
 
     expected = in_double(skinned(triangles), world, surface)
     assert_close(in_double(run, mesh, transforms, scale, surface), expected, 1e-9)

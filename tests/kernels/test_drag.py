@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from kernels import drag
+from kernels import drag, drag_skinned
 from tests.kernels import meshes
 from tests.kernels.checks import (
     BATCHES,
@@ -78,7 +78,7 @@ def test_walls_in_several_groups() -> None:
     """More triangles than one group holds, and not a multiple of it: the padding adds nothing."""
     vertices, triangles = meshes.split(*meshes.blob())
     triangles = triangles[:197]
-    assert len(triangles) > 2 * drag.GROUP
+    assert len(triangles) > 2 * drag_skinned.GROUP
     rng = np.random.default_rng(1)
     at = vertices.T[..., None], rng.normal(size=(3, len(vertices), 1))
     water = fluid(0.1, OFFSET, batch=(1,))
@@ -137,10 +137,24 @@ def test_rigid_is_nearly_skinned_at_the_surface() -> None:
     assert 1e-6 < apart < 0.1
 
 
-def test_rigid_gradients() -> None:
+@pytest.mark.parametrize(("submersion", "mode"), MODES)
+def test_rigid_gradients(submersion: str, mode: str) -> None:
     bones, mesh, at, _ = rigid_blob((2,), seed=6)
     water = fluid(0.05, OFFSET, batch=(2,))
-    run = rigid(bones, flag=True)
+    run = rigid(bones, submersion, mode, flag=True)
     with jax.enable_x64(True):
         mesh = tuple(jnp.asarray(x) for x in mesh)
     assert_gradients_agree(lambda *at: run(mesh, *at), *at, *water, tolerance=1e-4)
+
+
+def test_rigid_gradients_of_the_mesh() -> None:
+    """No scenario asks for them; they are there all the same, and right."""
+    bones, mesh, at, _ = rigid_blob((2,), seed=6)
+    water = fluid(0.05, OFFSET, batch=(2,))
+    corners, area, moments = mesh  # the area of padding is 0, where its drag has a kink
+
+    def run(corners, moments, *at):
+        with jax.enable_x64(True):
+            return rigid(bones, flag=True)((corners, jnp.asarray(area), moments), *at)
+
+    assert_gradients_agree(run, corners, moments, *at, *water, tolerance=1e-4)

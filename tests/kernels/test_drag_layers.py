@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from kernels import drag
+from kernels import drag, drag_rigid, drag_skinned
 from kernels.wall import no_wall, through
 from tests.kernels import meshes
 from tests.kernels.checks import BATCHES, assert_close, assert_gradients_agree, in_double, in_single
@@ -18,16 +19,19 @@ from tests.kernels.drag_cases import OFFSET, fluid, moving_blob, rigid_blob
 def skinned(triangles: np.ndarray, floor: Any, submersion: Any = "clipped", flag: bool = False):
     def run(vertices, velocity, floor, *water):
         wall = through(jnp.asarray(True)) if flag else no_wall
-        return tuple(drag.skinned(triangles, vertices, velocity, drag.Fluid(*water), submersion, "area", wall, floor))
+        return tuple(
+            drag_skinned.skinned(triangles, vertices, velocity, drag.Fluid(*water), submersion, "area", wall, floor)
+        )
 
     return lambda vertices, velocity, *water: run(vertices, velocity, jnp.asarray(floor), *water)
 
 
-def rigid(bones: np.ndarray, floor: Any):
+def rigid(bones: np.ndarray, floor: Any, flag: bool = False):
     def run(mesh, transforms, velocity, scale, *water):
-        water = drag.Fluid(*water)
+        wall = through(jnp.asarray(True)) if flag else no_wall
+        mesh, water = drag_rigid.RigidMesh(*mesh), drag.Fluid(*water)
         return tuple(
-            drag.rigid(bones, drag.RigidMesh(*mesh), transforms, velocity, scale, water, floor=jnp.asarray(floor))
+            drag_rigid.rigid(bones, mesh, transforms, velocity, scale, water, wall=wall, floor=jnp.asarray(floor))
         )
 
     return run
@@ -111,13 +115,39 @@ def test_continuous_in_the_floor() -> None:
     assert_close(force[:, -1], np.zeros(3), 1e-12)
 
 
-def test_gradients_between_levels() -> None:
+@pytest.mark.parametrize("flag", [False, True], ids=["plain", "walls"])
+def test_gradients_between_levels(flag: bool) -> None:
     triangles, vertices, velocity, water = moving_blob((2,), seed=2)
 
     def run(vertices, velocity, floor, *water):
-        return skinned(triangles[::4], floor)(vertices, velocity, *water)
+        return skinned(triangles[::4], floor, flag=flag)(vertices, velocity, *water)
 
     assert_gradients_agree(run, vertices, velocity, water[2] - 0.21, *water, tolerance=1e-4, seed=3)
+
+
+@pytest.mark.parametrize("flag", [False, True], ids=["plain", "walls"])
+def test_gradients_between_uneven_levels(flag: bool) -> None:
+    """Surface and floor of every vertex its own."""
+    triangles, vertices, velocity, water = moving_blob((2,), seed=8)
+    surface = water[2] + 0.2 * vertices[0]
+
+    def run(vertices, velocity, floor, surface):
+        return skinned(triangles[::4], floor, flag=flag)(vertices, velocity, *water[:2], surface, water[3])
+
+    assert_gradients_agree(run, vertices, velocity, surface - 0.24, surface, tolerance=1e-4, seed=3)
+
+
+@pytest.mark.parametrize("flag", [False, True], ids=["plain", "walls"])
+def test_rigid_gradients_between_levels(flag: bool) -> None:
+    bones, mesh, at, _ = rigid_blob((2,), seed=9)
+    water = fluid(0.11, OFFSET, batch=(2,))
+
+    def run(transforms, velocity, scale, floor, *water):
+        with jax.enable_x64(True):
+            wide = tuple(jnp.asarray(x) for x in mesh)
+        return rigid(bones, floor, flag)(wide, transforms, velocity, scale, *water)
+
+    assert_gradients_agree(run, *at, np.array([-0.13, 0.02]), *water, tolerance=1e-4)
 
 
 def test_a_surface_of_its_own_over_every_vertex() -> None:

@@ -20,23 +20,74 @@ def stages(wall, x):
     return wall(lambda a, b: (a * b).sum(0), sine, square)
 
 
+def enclosing(wall, x):
+    """A stage that gets part of what it is differentiated by from its surroundings, with results of other types."""
+    scale = jnp.exp(x[0])
+    value, sign, count = wall(lambda x: (x * scale, x > 0, (x * scale).astype(jnp.int32)), x)
+    return wall(lambda value, sign, count: jnp.where(sign, value, count * value).sum(0), value, sign, count)
+
+
+WEIGHTS = jnp.linspace(0.5, 1.5, 8).reshape(4, 2)
+
+
+def linear(wall, x):
+    """A product with constants, whose transpose is told, of what two stages make."""
+    sine = wall(jnp.sin, x)
+    return wall.linear(lambda w, x: w @ x, lambda w, y: w.T @ y, WEIGHTS, sine)[1:3] ** 2
+
+
+STAGES = {"stages": stages, "enclosing": enclosing, "linear": linear}
+
 WAYS = {
     "jit": lambda run: jax.jit(run)(OPEN, X),
     "vmap": lambda run: jax.vmap(run, in_axes=(None, 1))(OPEN, X),
     "map": lambda run: jax.jit(lambda flag: jax.lax.map(lambda x: run(flag, x), X.T))(OPEN),
     "scan": lambda run: jax.jit(lambda f: jax.lax.scan(lambda c, x: (c, run(f, x)), 0, X.T)[1])(OPEN),
+    "vmap of reverse": lambda run: jax.vmap(jax.grad(lambda x: run(OPEN, x).sum()))(jnp.stack([X, 2 * X, X - 1])),
+    "twice": lambda run: jax.jit(jax.hessian(lambda x: run(OPEN, x).sum()))(X),
     "reverse": lambda run: jax.jit(jax.grad(lambda x, flag: run(flag, x).sum()))(X, OPEN),
     "forward": lambda run: jax.jvp(lambda x: run(OPEN, x), (X,), (jnp.ones_like(X),))[1],
     "checkpoint": lambda run: jax.jit(jax.grad(lambda x, f: jax.checkpoint(run)(f, x).sum()))(X, OPEN),
 }
 
 
+@pytest.mark.parametrize("kind", STAGES)
 @pytest.mark.parametrize("way", WAYS)
-def test_same_numbers(way: str) -> None:
-    walled = WAYS[way](lambda flag, x: stages(through(flag), x))
-    plain = WAYS[way](lambda flag, x: stages(no_wall, x))
+def test_same_numbers(way: str, kind: str) -> None:
+    walled = WAYS[way](lambda flag, x: STAGES[kind](through(flag), x))
+    plain = WAYS[way](lambda flag, x: STAGES[kind](no_wall, x))
     assert np.abs(plain).max() > 0.1
     assert_close(walled, plain, 1e-6)
+
+
+def test_a_told_transpose_is_used() -> None:
+    def run(x):
+        return through(OPEN).linear(lambda w, x: w @ x, lambda w, y: 2.0 * (w.T @ y), WEIGHTS, x).sum()
+
+    assert_close(jax.grad(run)(X), 2.0 * jnp.broadcast_to(WEIGHTS.sum(0)[:, None], X.shape), 1e-6)
+
+
+def test_backwards_it_keeps_its_arguments_only() -> None:
+    """And its derivative is one more conditional, not arrays that the first one returns."""
+
+    def run(x):
+        return through(OPEN)(lambda x: jnp.sin(jnp.cos(x) * jnp.exp(x)), x)
+
+    known = jax.make_jaxpr(lambda x: jax.linearize(run, x)[0])(X)
+    kept = jax.tree.leaves(jax.linearize(run, X)[1])
+    assert len(known.jaxpr.eqns) == 1
+    assert sum(leaf.size for leaf in kept if hasattr(leaf, "size")) <= X.size + 1
+
+
+def test_results_that_do_not_change_cost_nothing_backwards() -> None:
+    """No derivative is taken of what depends on no argument that varies."""
+
+    def run(x, still):
+        moved, other = through(OPEN)(lambda x, still: (jnp.sin(x), jnp.cos(still)), x, still)
+        return moved.sum(), other
+
+    text = str(jax.make_jaxpr(lambda x, still: jax.jvp(lambda x: run(x, still), (x,), (x,))[1])(X, X))
+    assert text.count("wall[") == 2
 
 
 def test_result_keeps_structure_and_types() -> None:

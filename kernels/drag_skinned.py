@@ -1,0 +1,187 @@
+"""Drag on a mesh whose every vertex moves (Eq. 6 to 8; see `drag`): exact, also where triangles stretch."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from kernels.drag import Drag, Fluid, OffsetMode, Submersion, factor_of, instantiated, levels_of, wet_corner
+from kernels.totals import total_of
+from kernels.vec import TINY
+from kernels.wall import Wall, no_wall
+
+GROUP = 80  # triangles whose arrays for 128 characters fit a 1 MiB cache
+
+Field = Any  # values at every vertex [k, V, *b], or already at corners of triangles: k tuples of three [size, *b]
+
+
+class _Mesh(NamedTuple):
+    """Everything that the drag of a mesh depends on."""
+
+    vertices: Field  # 3, m
+    velocity: Field  # 3, m/s, less the flow
+    levels: tuple[Field, ...]  # the surface and the floor, m: 1 where it is not level, otherwise [*b]
+    density_drag: Array
+    offset_force: Array
+
+
+def skinned(
+    triangles: np.ndarray,
+    vertices: Float[Array, "3 vertices *b"],
+    velocity: Float[Array, "3 vertices *b"],
+    fluid: Fluid,
+    submersion: Submersion = "clipped",
+    mode: OffsetMode = "area",
+    wall: Wall = no_wall,
+    floor: Float[Array, "*c"] | None = None,
+) -> Drag:
+    """Drag on moving vertices; `velocity` is that of the vertices less the flow, m/s. triangles [T, 3] are static.
+
+    `fluid.surface` may differ over the vertices, [V, *b]: each triangle is then cut by the plane through its three.
+    floor: height below which another fluid lies, m; only what is between it and the surface counts.
+    Triangles go through in groups whose arrays stay in a core's cache (without walls: all at once, as a GPU likes it).
+    """
+    levels = levels_of(fluid.surface, floor)
+    levels = tuple(level[None] if level.ndim == vertices.ndim - 1 else level for level in levels)
+    mesh = _Mesh(vertices, velocity, levels, fluid.density_drag, fluid.offset_force)
+    total = _total(triangles, submersion, mode, wall, mesh)
+    return Drag(total[:3], total[3], total[4:7], total[7])
+
+
+def _groups(triangles: np.ndarray, wall: Wall) -> np.ndarray:
+    return triangles.T[None] if wall.flag is None else grouped(triangles)
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0, 1, 2))
+def _total(triangles: np.ndarray, submersion: Submersion, mode: OffsetMode, wall: Wall, mesh: _Mesh) -> Array:
+    """[8, *b]: the totals of `Drag` over all triangles."""
+
+    def group(total: Array, corner: Array) -> tuple[Array, None]:
+        return total + _group(submersion, mode, wall, corner, mesh), None
+
+    zero = jnp.zeros((8, *mesh.vertices.shape[2:]), mesh.vertices.dtype)
+    return jax.lax.scan(group, zero, jnp.asarray(_groups(triangles, wall)))[0]
+
+
+def _total_jvp(
+    triangles: np.ndarray, submersion: Submersion, mode: OffsetMode, primals: Any, tangents: Any
+) -> tuple[Array, Array]:
+    """Changes of the corners are read for all groups at once: backwards, that adds to each vertex once.
+
+    Differentiated as it is, the loop would keep every array of every group, and add arrays of all vertices to each
+    other in every group.
+    """
+    wall, mesh = primals
+    changes = jax.tree.map(instantiated, tangents[1], mesh)
+    groups = _groups(triangles, wall)
+
+    @functools.partial(jax.checkpoint, prevent_cse=False)
+    def group(total: Array, given: tuple[Array, Array]) -> tuple[Array, None]:
+        corner, change = given
+        near = wall(lambda mesh: jnp.concatenate([x[:, corner] for x in _fields(mesh)]), mesh)
+        here = functools.partial(_group, submersion, mode, wall, None)
+        return total + jax.jvp(here, (_with(mesh, near),), (_with(changes, change),))[1], None
+
+    zero = jnp.zeros((8, *mesh.vertices.shape[2:]), mesh.vertices.dtype)
+    every = wall(lambda changes: jnp.moveaxis(jnp.concatenate(_fields(changes))[:, groups], 1, 0), changes)
+    change = jax.lax.scan(group, zero, (jnp.asarray(groups), every))[0]
+    return _total(triangles, submersion, mode, wall, mesh), change
+
+
+_total.defjvp(_total_jvp, symbolic_zeros=True)
+
+
+def _fields(mesh: _Mesh) -> list[Array]:
+    """Everything that has a value at each vertex: [k, V, *b] each, 6 to 8 altogether."""
+    return [mesh.vertices, mesh.velocity, *(level for level in mesh.levels if level.ndim == mesh.vertices.ndim)]
+
+
+def _with(mesh: _Mesh, fields: Array) -> _Mesh:
+    """The mesh with values of its fields [k, 3, size, *b] at the corners of a group, as `_corners` has them."""
+    each = [tuple(jnp.unstack(field)) for field in jnp.unstack(fields)]
+    own = iter(each[6:])
+    levels = tuple((next(own),) if level.ndim == mesh.vertices.ndim else level for level in mesh.levels)
+    return mesh._replace(vertices=tuple(each[:3]), velocity=tuple(each[3:6]), levels=levels)
+
+
+def _corners(field: Field, corner: Array | None) -> tuple[tuple[Array, ...], ...]:
+    """[component][corner]: values of a field at the corners of a group, unless (corner is None) they already are."""
+    if corner is None:
+        return field
+    return tuple(tuple(field[k, corner[j]] for j in range(3)) for k in range(len(field)))
+
+
+def _depths(level: Field, corner: Array | None, vertices: Field) -> tuple[Array, Array, Array]:
+    """Depths of the corners of triangles under a level."""
+    a, b, c = _corners(vertices, corner)[1]
+    uneven = isinstance(level, tuple) or level.ndim > a.ndim
+    above: Any = _corners(level, corner)[0] if uneven else (level, level, level)
+    return above[0] - a, above[1] - b, above[2] - c
+
+
+def _group(submersion: Submersion, mode: OffsetMode, wall: Wall, corner: Array | None, mesh: _Mesh) -> Array:
+    """[8, *b]: the totals of a group of triangles; corner [3, size]: indices of their vertices."""
+
+    def weights(vertices: Field, *levels: Field | Array) -> tuple[Array, ...]:
+        above, *below = (_corner_weights(_depths(level, corner, vertices), submersion) for level in levels)
+        return tuple(jnp.maximum(a - b, 0.0) for a, b in zip(above, *below, strict=True)) if below else above
+
+    def mean(weight: tuple[Array, ...], field: Field) -> tuple[Array, ...]:
+        """f times the field at the wet centroid."""
+        a, b, c = weight
+        return tuple(a * at_a + b * at_b + c * at_c for at_a, at_b, at_c in _corners(field, corner))
+
+    def factors(weight: tuple[Array, ...], slip: tuple[Array, ...], vertices: Field, fluid: tuple[Array, Array]):
+        (ax, bx, cx), (ay, by, cy), (az, bz, cz) = _corners(vertices, corner)
+        bx, by, bz, cx, cy, cz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
+        sx, sy, sz = slip  # f times the velocity of the wet centroid through the fluid: -f u
+        facing = 0.5 * ((by * cz - bz * cy) * sx + (bz * cx - bx * cz) * sy + (bx * cy - by * cx) * sz)
+        wet = weight[0] + weight[1] + weight[2]
+        inverse = 1.0 / jnp.maximum(wet, 1e-6)
+        speed2 = (sx * sx + sy * sy + sz * sz) * (inverse * inverse)
+        return factor_of(facing, wet, speed2, *fluid, mode, 1.0)
+
+    weight = wall(weights, mesh.vertices, *mesh.levels)
+    slip = wall(mean, weight, mesh.velocity)
+    centre = wall(mean, weight, mesh.vertices)
+    factor = wall(factors, weight, slip, mesh.vertices, (mesh.density_drag, mesh.offset_force))
+    magnitude = wall(_magnitudes, factor, weight, slip)
+    return wall(functools.partial(_sums, wall), factor, magnitude, slip, centre, weight)
+
+
+def _magnitudes(factor: Array, weight: tuple[Array, ...], slip: tuple[Array, ...]) -> Array:
+    sx, sy, sz = slip
+    speed = jnp.sqrt(sx * sx + sy * sy + sz * sz + TINY)
+    return factor * speed / jnp.maximum(weight[0] + weight[1] + weight[2], 1e-6)
+
+
+def _sums(wall: Wall, factor: Array, magnitude: Array, slip: tuple, centre: tuple, weight: tuple) -> Array:
+    wet = weight[0] + weight[1] + weight[2]
+    force = [-factor * s for s in slip]
+    return total_of(0, [*force, magnitude * wet, *(magnitude * c for c in centre), factor * wet], wall)
+
+
+def _corner_weights(depths: tuple[Array, Array, Array], submersion: Submersion) -> tuple[Array, Array, Array]:
+    """Integrals of the barycentric coordinates over the part below a level, per unit of area."""
+    a, b, c = depths
+    if submersion == "centroid":
+        share = jnp.where(a + b + c > 0, 1.0 / 3.0, 0.0)
+        return share, share, share
+    return wet_corner(a, b, c), wet_corner(b, c, a), wet_corner(c, a, b)
+
+
+GROUP = 80  # triangles whose arrays for 128 characters fit a 1 MiB cache
+
+
+def grouped(triangles: np.ndarray) -> np.ndarray:
+    """[groups, 3, GROUP]; the padding repeats one vertex three times: no area, no force."""
+    groups = max(1, -(-len(triangles) // GROUP))
+    size = -(-len(triangles) // groups)
+    padded = np.zeros((groups * size, 3), np.int32)
+    padded[: len(triangles)] = triangles
+    return padded.reshape(groups, size, 3).transpose(0, 2, 1)
