@@ -5,7 +5,7 @@ from __future__ import annotations
 from jax import Array
 
 from crowd.tree import pytree
-from kernels.drag_rigid import RigidMesh
+from kernels.drag_moments import RigidMesh
 
 
 @pytree

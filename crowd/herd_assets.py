@@ -13,16 +13,15 @@ from crowd.assets import HerdAssets
 from crowd.herd_responses import chosen_responses
 from crowd.layout import Faces, HerdLayout
 from crowd.leg_responses import near_legs, partners
+from crowd.mesh_assets import blocks, influences, upwards
 from crowd.resampling import resample, resample_rotation
 from crowd.scenario_control import Facing, turn_rate
 from crowd.scene import SAMPLES, HerdScene
 from crowd.stride_assets import FLIGHT_SAMPLES, chains, motion_layout, stride_assets
 from crowd.tree import StaticArray
-from crowd.types import Archetype, Clip, Mesh
-from kernels.drag_rigid import RigidMesh
+from crowd.types import Archetype, Clip
 
 CROUCH = 0.85  # of the hips' rest height: how low the body comes for a long stride
-BLOCK = 16  # triangles per block of the rigid mesh
 MOVING = 1e-4  # m: a joint whose translation varies less is rigid
 STEP = 0.4  # of the height of the hips: half a common step
 
@@ -53,9 +52,9 @@ def herd_layout(herd: HerdScene) -> HerdLayout:
         flight_samples=FLIGHT_SAMPLES,
         samples=SAMPLES,
         swing_samples=len(herd.gaits[0].swing_height),
-        triangles=StaticArray(mesh.triangles.astype(np.int32)),
-        vertex_bones=StaticArray(_influences(mesh)[0].astype(np.int32)),
-        block_bones=StaticArray(_blocks(mesh)[0].astype(np.int32)),
+        triangles=StaticArray(mesh.triangles[upwards(herd)].astype(np.int32)),
+        vertex_bones=StaticArray(influences(mesh)[0].astype(np.int32)),
+        block_bones=StaticArray(blocks(herd)[0].astype(np.int32)),
         waypoints=len(waypoints.points_m) if waypoints else 0,
         loop=bool(waypoints and waypoints.loop),
         path=herd.curve is not None,
@@ -105,8 +104,8 @@ def herd_assets(herd: HerdScene) -> HerdAssets:
         arm_outward=_array(outward.T[..., None]),
         spread=_array(np.array(_spread(stand, pivot_height))),
         pivot_height=_array(np.array(pivot_height)),
-        skin_local=_array(_influences(rig.mesh)[1]),
-        rigid_mesh=_blocks(rig.mesh)[1],
+        skin_local=_array(influences(rig.mesh)[1]),
+        rigid_mesh=blocks(herd)[1],
         waypoints=_array(np.asarray(waypoints, float).reshape(-1, 2).T[..., None]),
         path=_array(_path(herd)),
         path_length=_array(np.array(herd.curve.length if herd.curve else 0.0)),
@@ -213,48 +212,6 @@ def _bend(rig: Archetype, gaits: tuple[Gait, ...]) -> np.ndarray:
 
 def _length(at: np.ndarray, *joints: int) -> float:
     return float(sum(np.linalg.norm(at[a] - at[b]) for a, b in itertools.pairwise(joints)))
-
-
-def _influences(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """Bones [V, k] and, per influence, weighted bind-frame vertices and weights [k, 4, V]; k as small as possible."""
-    order = np.argsort(-mesh.weights, axis=1, kind="stable")
-    joints, weights = np.take_along_axis(mesh.joints, order, 1), np.take_along_axis(mesh.weights, order, 1)
-    used = max(1, int((weights > 1e-4).sum(1).max()))
-    joints, weights = joints[:, :used], weights[:, :used]
-    weights = weights / weights.sum(1, keepdims=True)
-    joints = np.where(weights > 0, joints, joints[:, :1])
-    homogeneous = np.concatenate([mesh.vertices, np.ones((len(mesh.vertices), 1))], 1)
-    local = np.einsum("vkrc,vc->vkr", mesh.inverse_bind[joints][:, :, :3], homogeneous)
-    rows = np.concatenate([local, np.ones((*local.shape[:2], 1))], 2) * weights[..., None]
-    return joints, rows.transpose(1, 2, 0)
-
-
-def _blocks(mesh: Mesh) -> tuple[np.ndarray, RigidMesh]:
-    """Each triangle on the bone that carries most of it, in blocks of one bone; padding has no area."""
-    share = np.zeros((len(mesh.triangles), len(mesh.inverse_bind)))
-    for corner in range(3):
-        for k in range(mesh.joints.shape[1]):
-            vertex = mesh.triangles[:, corner]
-            np.add.at(share, (np.arange(len(share)), mesh.joints[vertex, k]), mesh.weights[vertex, k])
-    owner = share.argmax(1)
-    bones, blocks = [], []
-    for bone in np.unique(owner):
-        mine = np.flatnonzero(owner == bone)
-        for start in range(0, len(mine), BLOCK):
-            part = mine[start : start + BLOCK]
-            blocks.append(np.concatenate([part, np.full(BLOCK - len(part), -1)]))
-            bones.append(bone)
-    index, bones = np.array(blocks), np.array(bones)
-    homogeneous = np.concatenate([mesh.vertices, np.ones((len(mesh.vertices), 1))], 1)
-    corners = homogeneous[mesh.triangles[index]]  # [blocks, size, 3, 4]
-    local = np.einsum("brc,bskc->bskr", mesh.inverse_bind[bones][:, :3], corners)
-    local = np.where((index < 0)[..., None, None], 0.0, local)
-    area = 0.5 * np.cross(local[:, :, 1] - local[:, :, 0], local[:, :, 2] - local[:, :, 0])
-    centroid = local.mean(2)  # [blocks, size, 3]
-    moments = np.concatenate([np.ones((len(bones), 1, BLOCK)), centroid.transpose(0, 2, 1)], 1)
-    return bones, RigidMesh(
-        _array(local.transpose(2, 3, 0, 1)[..., None]), _array(area.transpose(2, 0, 1)[..., None]), _array(moments)
-    )
 
 
 def extent(herd: HerdScene) -> float:

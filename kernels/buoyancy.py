@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 
 from kernels import quat
 from kernels.drag import DRY, wet_corner
-from kernels.drag_rigid import RigidMesh
+from kernels.drag_moments import RigidMesh
 from kernels.drag_skinned import grouped
 from kernels.wall import Wall, no_wall
 

@@ -1,15 +1,9 @@
-"""Drag on triangles that each ride on one bone (Eq. 6 to 8; see `drag`): what a bone does to its triangles is constant.
-
-The totals are linear in one number per triangle, F / (f u), with constants of the mesh: matrix products. So is, the
-other way round, what a derivative needs of a bone: the flow through a triangle, the square of its speed and the depths
-of its corners are products of constants and a few numbers of the bone (`_numbers`). Backwards it takes one array of
-triangles for each of these five, instead of one for every use of every number of the bone.
-"""
+"""Drag on triangles that each ride on one bone (Eq. 6 to 8; see `drag`): what a bone does to them is constant."""
 
 from __future__ import annotations
 
 import functools
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -18,26 +12,52 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from kernels import quat
-from kernels.drag import Drag, Fluid, OffsetMode, Submersion, factor_of, instantiated, levels_of, wet_share
-from kernels.vec import TINY, cross
+from kernels.drag import Drag, Fluid, OffsetMode, Submersion, instantiated, levels_of
+from kernels.drag_moments import Ride, RigidMesh, moments
+from kernels.vec import cross
 from kernels.wall import Wall, no_wall
 
-
-class RigidMesh(NamedTuple):
-    """Triangles in blocks of equal size, every block on one bone, in that bone's bind frame (unscaled)."""
-
-    corners: Array  # [3 corners, 3, blocks, size, 1]
-    area: Array  # [3, blocks, size, 1] area vector; zero for padding
-    moments: Array  # [blocks, 4, size]: rows 1, x, y, z of the centroids
+AXES = (2, 1, 0, 1)  # of the blocks in the fields of a mesh
+GROUP = 10  # blocks that go through together: enough to be worth the start, few enough to leave dry parts out
 
 
-class _Ride(NamedTuple):
-    """Everything that the drag of the blocks depends on; [.., blocks, *b], lengths in the bone's unit."""
+def groups_of(blocks: int) -> int:
+    """Number of groups of equal size."""
+    most = max(1, round(blocks / GROUP))
+    return next(groups for groups in range(most, 0, -1) if blocks % groups == 0)
 
-    bone: Array  # velocity (3), spin (3), up (3), depth of the origin under each level (1 or 2)
-    scale: Array  # [*b]
-    density_drag: Array  # [*b], or alike for all
-    offset_force: Array
+
+def padded_blocks(blocks: int) -> int:
+    """The least number of blocks, so many or more, that makes groups of equal size."""
+    groups = max(1, round(blocks / GROUP))
+    return -(-blocks // groups) * groups
+
+
+def rigid_mesh(corners: np.ndarray) -> RigidMesh:
+    """The constants of blocks of triangles, corners [blocks, size, 3 corners, 3] in the frame of each block's bone.
+
+    Triangles of no area (padding) have no drag.
+    """
+    area = 0.5 * np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
+    rows = np.concatenate([np.ones((*corners.shape[:2], 1)), corners.mean(2)], 2)
+    fields: tuple[Any, ...] = (
+        corners.transpose(2, 3, 0, 1)[..., None],
+        area.transpose(2, 0, 1)[..., None],
+        rows.transpose(0, 2, 1),
+        _spheres(corners, (area != 0).any(-1)).T[..., None],
+    )
+    return RigidMesh(*fields)
+
+
+def _spheres(corners: np.ndarray, real: np.ndarray) -> np.ndarray:
+    """[blocks, 4] centre and radius of a sphere around the triangles of each block that are `real` [blocks, size]."""
+    out = np.tile([0.0, 0.0, 0.0, -1e6], (len(corners), 1))  # a block of padding is never wet
+    for block in np.flatnonzero(real.any(1)):
+        points = corners[block][real[block]].reshape(-1, 3)
+        centre = 0.5 * (points.min(0) + points.max(0))
+        radius = np.linalg.norm(points - centre, axis=1).max()
+        out[block] = [*centre, 1.0001 * radius + 1e-4 * np.abs(points).max()]  # more than rounding takes
+    return out
 
 
 def rigid(
@@ -59,12 +79,104 @@ def rigid(
     the bones, [J, *b].
     """
     carried = wall(_carried, transforms, velocity, scale, *levels_of(fluid.surface, floor))
-    bone = wall(lambda carried: carried[:, bones], carried)
-    ride = _Ride(bone, scale, fluid.density_drag, fluid.offset_force)
-    s, m = _moments(submersion, mode, wall, mesh, ride)
-    blocks = wall(_assembled, s, m, bone, transforms[:, bones], scale)
-    total = wall(lambda blocks: blocks.sum(1), blocks)
+    ride = Ride(wall(_rows_last, carried), scale, fluid.density_drag, fluid.offset_force)
+    total = _total(bones, submersion, mode, wall, mesh, ride, wall(_rows_last, transforms))
     return Drag(total[:3], total[3], total[4:7], total[7])
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0, 1, 2))
+def _total(
+    bones: np.ndarray,
+    submersion: Submersion,
+    mode: OffsetMode,
+    wall: Wall,
+    mesh: RigidMesh,
+    ride: Ride,
+    transforms: Array,
+) -> Array:
+    """[8, *b]: the totals of `Drag`, group of blocks after group of blocks; those that no character wets are left out.
+
+    Then they would add zeros, so that no character's numbers depend on the others.
+    """
+    if wall.flag is None:
+        return _whole(bones, submersion, mode, wall, mesh, ride, transforms)
+    groups = groups_of(len(bones))
+    size = len(bones) // groups
+
+    def group(total: Array, given: tuple[Array, Array]) -> tuple[Array, None]:
+        first, joints = given
+        part = RigidMesh(
+            *(jax.lax.dynamic_slice_in_dim(x, first, size, axis) for x, axis in zip(mesh, AXES, strict=True))
+        )
+        bone = wall(lambda bone, joints: bone[joints], ride.bone, joints)
+        wet = wall(_touched, part.bounds, bone)
+
+        def some(total: Array) -> Array:
+            return total + _of_blocks(submersion, mode, wall, part, ride._replace(bone=bone), joints, transforms)
+
+        return jax.lax.cond(wet, some, lambda total: total, total), None
+
+    given = jnp.arange(groups) * size, jnp.asarray(bones.reshape(groups, size))
+    return jax.lax.scan(group, jnp.zeros((8, *ride.scale.shape), transforms.dtype), given)[0]
+
+
+def _total_jvp(bones: np.ndarray, submersion: Submersion, mode: OffsetMode, primals: Any, tangents: Any) -> Any:
+    """Of all blocks at once, dry or not."""
+    wall, mesh, *given = primals
+    still = all(isinstance(tangent, SymbolicZero) for tangent in tangents[1])
+    along = jax.tree.map(instantiated, tuple(tangents[2:]), tuple(given))
+
+    def whole(*given: Any) -> Array:
+        return _whole(bones, submersion, mode, wall, *((mesh,) if still else ()), *given)
+
+    if not still:  # no part of a simulation moves the mesh
+        given, along = (mesh, *given), (jax.tree.map(instantiated, tangents[1], mesh), *along)
+    return _total(bones, submersion, mode, *primals), jax.jvp(whole, tuple(given), tuple(along))[1]
+
+
+_total.defjvp(_total_jvp, symbolic_zeros=True)
+
+
+def _whole(
+    bones: np.ndarray,
+    submersion: Submersion,
+    mode: OffsetMode,
+    wall: Wall,
+    mesh: RigidMesh,
+    ride: Ride,
+    transforms: Array,
+) -> Array:
+    """[8, *b]: the totals over all blocks."""
+    bone = wall(lambda bone: bone[bones], ride.bone)
+    return _of_blocks(submersion, mode, wall, mesh, ride._replace(bone=bone), bones, transforms)
+
+
+def _of_blocks(
+    submersion: Submersion,
+    mode: OffsetMode,
+    wall: Wall,
+    mesh: RigidMesh,
+    ride: Ride,
+    joints: Array | np.ndarray,
+    transforms: Array,
+) -> Array:
+    """[8, *b]: the totals over blocks; joints [blocks]: the bone of each."""
+    s, m = moments(submersion, mode, wall, mesh, ride)
+    at = wall(lambda transforms: transforms[joints], transforms)
+    blocks = wall(_assembled, s, m, ride.bone, at, ride.scale)
+    return wall(lambda blocks: blocks.sum(1), blocks)
+
+
+def _touched(bounds: Array, bone: Array) -> Array:
+    """Whether any of these blocks may be under the surface for any character; NaN may be."""
+    x, y, z, radius = bounds
+    ux, uy, uz, depth = jnp.unstack(bone[:, 6:10], axis=1)
+    return jnp.any(~(depth - ux * x - uy * y - uz * z + radius <= 0))
+
+
+def _rows_last(vectors: Array) -> Array:
+    """[joints, k, *b] of [k, joints, *b]: what belongs to a joint lies together, and blocks copy it in one piece."""
+    return jnp.moveaxis(vectors, 0, 1)
 
 
 def _carried(transforms: Array, velocity: Array, scale: Array, *levels: Array) -> Array:
@@ -78,152 +190,9 @@ def _carried(transforms: Array, velocity: Array, scale: Array, *levels: Array) -
 def _assembled(s: Array, m: Array, bone: Array, transforms: Array, scale: Array) -> Array:
     """[8, blocks, *b] in the world: force, magnitude, moment and slope of each block."""
     square = scale * scale
+    bone, transforms = jnp.moveaxis(bone, 1, 0), jnp.moveaxis(transforms, 1, 0)
     force = -(bone[:3] * s[0] + cross(bone[3:6], s[1:])) * (square * square)
     magnitude = m[0] * (square * square)
     moment = magnitude * transforms[4:] + quat.rotate(transforms[:4], m[1:]) * (square * square * scale)
     slope = s[0] * (square * scale)
     return jnp.concatenate([quat.rotate(transforms[:4], force), magnitude[None], moment, slope[None]])
-
-
-@functools.partial(jax.custom_jvp, nondiff_argnums=(0, 1))
-def _moments(submersion: Submersion, mode: OffsetMode, wall: Wall, mesh: RigidMesh, ride: _Ride) -> tuple[Array, Array]:
-    """[4, blocks, *b] each: sums of F / (f u), and of |F|, times 1 and the centroid."""
-    return _moments_and_arrays(submersion, mode, wall, mesh, ride)[0]
-
-
-def _moments_and_arrays(
-    submersion: Submersion, mode: OffsetMode, wall: Wall, mesh: RigidMesh, ride: _Ride
-) -> tuple[tuple[Array, Array], Array]:
-    """The moments, and the wet share of each triangle."""
-    wet = wall(functools.partial(_shares, submersion, mesh), ride.bone)
-    factor = wall(functools.partial(_factors, mode, mesh), ride, wet)
-    magnitude = wall(functools.partial(_magnitudes, mesh), factor, ride.bone)
-    return (_sums(wall, mesh, factor), _sums(wall, mesh, magnitude)), wet
-
-
-def _shares(submersion: Submersion, mesh: RigidMesh, bone: Array) -> Array:
-    return _share(submersion, *_depths(mesh, bone))
-
-
-def _depths(mesh: RigidMesh, bone: Array) -> list[Array]:
-    """Of the three corners under each level."""
-    ux, uy, uz, *levels = jnp.unstack(bone[6:, :, None])
-    return [level - ux * x - uy * y - uz * z for level in levels for x, y, z in mesh.corners]
-
-
-def _share(submersion: Submersion, *depths: Array) -> Array:
-    """Wet share of each triangle, by the depths of its corners under the surface (and those under the floor)."""
-
-    def below(a: Array, b: Array, c: Array) -> Array:
-        return wet_share(a, b, c) if submersion == "clipped" else jnp.where(a + b + c > 0, 1.0, 0.0)
-
-    share = below(*depths[:3])
-    return jnp.maximum(share - below(*depths[3:]), 0.0) if depths[3:] else share
-
-
-def _slip(mesh: RigidMesh, bone: Array) -> tuple[Array, Array, Array]:
-    """Velocity of each centroid through the fluid: -u."""
-    vx, vy, vz, wx, wy, wz = jnp.unstack(bone[:6, :, None])
-    x, y, z = ((mesh.corners[0, k] + mesh.corners[1, k] + mesh.corners[2, k]) * (1.0 / 3.0) for k in range(3))
-    return vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
-
-
-def _through(mesh: RigidMesh, bone: Array) -> tuple[Array, Array]:
-    """How fast the fluid comes through each triangle, N.(-u), and |u|^2."""
-    sx, sy, sz = _slip(mesh, bone)
-    nx, ny, nz = mesh.area
-    return nx * sx + ny * sy + nz * sz, sx * sx + sy * sy + sz * sz
-
-
-def _factor(
-    mode: OffsetMode, through: Array, square: Array, wet: Array, density_drag: Array, offset_force: Array, scale: Array
-) -> Array:
-    one, size = jnp.ones_like(wet), scale * scale
-    return factor_of(through * wet, one, square * size, density_drag, offset_force, mode, size * scale)
-
-
-def _factors(mode: OffsetMode, mesh: RigidMesh, ride: _Ride, wet: Array) -> Array:
-    return _factor(mode, *_through(mesh, ride.bone), wet, ride.density_drag, ride.offset_force, ride.scale)
-
-
-def _magnitudes(mesh: RigidMesh, factor: Array, bone: Array) -> Array:
-    return factor * jnp.sqrt(_through(mesh, bone)[1] + TINY)
-
-
-def _sums(wall: Wall, mesh: RigidMesh, values: Array) -> Array:
-    return wall.linear(_summed, _read, mesh.moments, values)
-
-
-def _summed(rows: Array, values: Array) -> Array:
-    """[k, blocks, *b]: values [blocks, size, *b] times rows [blocks, k, size], summed over each block."""
-    flat = values.reshape(*values.shape[:2], -1)
-    product = jax.lax.dot_general(rows, flat, (((2,), (1,)), ((0,), (0,))))
-    return jnp.moveaxis(product, 1, 0).reshape(rows.shape[1], values.shape[0], *values.shape[2:])
-
-
-def _moments_jvp(submersion: Submersion, mode: OffsetMode, primals: Any, tangents: Any) -> Any:
-    wall, mesh, ride = primals
-    if not all(isinstance(tangent, SymbolicZero) for tangent in tangents[1]):  # no part of a simulation moves the mesh
-        changes = jax.tree.map(instantiated, tangents[1:], (mesh, ride))
-        return jax.jvp(lambda *at: _moments_and_arrays(submersion, mode, wall, *at)[0], (mesh, ride), changes)
-    change = jax.tree.map(instantiated, tangents[2], ride)
-    out, wet = _moments_and_arrays(submersion, mode, wall, mesh, ride)
-    numbers = wall(lambda at, by: jax.jvp(_numbers, (at,), (by,))[1], ride.bone, change.bone)
-    through, square, *depths = (
-        wall.linear(_read, _summed, rows, numbers[first : first + rows.shape[1]])
-        for first, rows in _readings(mesh, ride.bone)
-    )
-
-    def share(bone: Array, *depths: Array) -> Array:
-        return jax.jvp(functools.partial(_share, submersion), tuple(_depths(mesh, bone)), depths)[1]
-
-    def loads(ride: _Ride, wet: Array, change: _Ride, *by: Array) -> tuple[Array, Array]:
-        def each(through: Array, square: Array, wet: Array, *rest: Array) -> tuple[Array, Array]:
-            factor = _factor(mode, through, square, wet, *rest)
-            return factor, factor * jnp.sqrt(square + TINY)
-
-        at = (*_through(mesh, ride.bone), wet, ride.density_drag, ride.offset_force, ride.scale)
-        return jax.jvp(each, at, (*by, change.density_drag, change.offset_force, change.scale))[1]
-
-    changed = wall(loads, ride, wet, change, through, square, wall(share, ride.bone, *depths))
-    return out, tuple(_sums(wall, mesh, x) for x in changed)
-
-
-_moments.defjvp(_moments_jvp, symbolic_zeros=True)
-
-
-def _numbers(bone: Array) -> Array:
-    """[k, blocks, *b]: numbers of a bone of which everything its triangles need is a product with constants.
-
-    N.(v + w x c) = N.v + (c x N).w;  |v + w x c|^2 = v.v + 2 (v x w).c + c.(w.w I - w w).c;  depth: d - up.x
-    """
-    vx, vy, vz, wx, wy, wz, ux, uy, uz, *levels = jnp.unstack(bone)
-    xx, yy, zz = wx * wx, wy * wy, wz * wz
-    linear = [2.0 * (vy * wz - vz * wy), 2.0 * (vz * wx - vx * wz), 2.0 * (vx * wy - vy * wx)]
-    square = [vx * vx + vy * vy + vz * vz, *linear, yy + zz, xx + zz, xx + yy, -wx * wy, -wx * wz, -wy * wz]
-    depths = [row for level in levels for row in (level, -ux, -uy, -uz)]
-    return jnp.stack([vx, vy, vz, wx, wy, wz, *square, *depths])
-
-
-def _readings(mesh: RigidMesh, bone: Array) -> list[tuple[int, Array]]:
-    """Where in `_numbers` to start, and the constants [blocks, k, size] of each array that they give."""
-
-    def flat(vector: Array) -> Array:
-        return vector.reshape(3, *mesh.moments.shape[::2])
-
-    corners, area = [flat(corner) for corner in mesh.corners], flat(mesh.area)
-    one, centre = jnp.ones_like(area[:1]), (corners[0] + corners[1] + corners[2]) * (1.0 / 3.0)
-    x, y, z = centre
-    square = [*one, x, y, z, x * x, y * y, z * z, 2.0 * x * y, 2.0 * x * z, 2.0 * y * z]
-    through = jnp.concatenate([area, cross(centre, area)])
-    rows = [(0, through), (6, jnp.stack(square))]
-    for level in range(len(bone) - 9):
-        rows += [(16 + 4 * level, jnp.concatenate([one, corner])) for corner in corners]
-    return [(first, jnp.moveaxis(each, 0, 1)) for first, each in rows]
-
-
-def _read(rows: Array, numbers: Array) -> Array:
-    """[blocks, size, *b]: rows [blocks, k, size] times numbers [k, blocks, *b]."""
-    flat = numbers.reshape(*numbers.shape[:2], -1)
-    product = jax.lax.dot_general(rows, flat, (((1,), (0,)), ((0,), (1,))))
-    return product.reshape(rows.shape[0], rows.shape[2], *numbers.shape[2:])

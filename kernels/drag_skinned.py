@@ -59,13 +59,34 @@ def _groups(triangles: np.ndarray, wall: Wall) -> np.ndarray:
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0, 1, 2))
 def _total(triangles: np.ndarray, submersion: Submersion, mode: OffsetMode, wall: Wall, mesh: _Mesh) -> Array:
-    """[8, *b]: the totals of `Drag` over all triangles."""
+    """[8, *b]: the totals of `Drag`, group of triangles after group; those that no character wets are left out.
 
-    def group(total: Array, corner: Array) -> tuple[Array, None]:
-        return total + _group(submersion, mode, wall, corner, mesh), None
+    Then they would add zeros, so that no character's numbers depend on the others.
+    """
 
+    if wall.flag is None:
+        return _group(submersion, mode, wall, jnp.asarray(triangles.T), mesh)
+    depth = wall(lambda level, vertices: level - vertices[1], mesh.levels[0], mesh.vertices)
+
+    def group(total: Array, given: tuple[Array, Array]) -> tuple[Array, None]:
+        corner, own = given
+        near = wall(lambda depth: depth.reshape(mesh.vertices.shape[1:])[own], depth)
+        deepest = wall(lambda near: near.max(0), near)
+
+        def some(total: Array) -> Array:
+            return total + _group(submersion, mode, wall, corner, mesh)
+
+        return jax.lax.cond(jnp.any(~(deepest <= 0)), some, lambda total: total, total), None
+
+    groups = grouped(triangles)
     zero = jnp.zeros((8, *mesh.vertices.shape[2:]), mesh.vertices.dtype)
-    return jax.lax.scan(group, zero, jnp.asarray(_groups(triangles, wall)))[0]
+    return jax.lax.scan(group, zero, (jnp.asarray(groups), jnp.asarray(_vertices(groups))))[0]
+
+
+def _vertices(groups: np.ndarray) -> np.ndarray:
+    """[groups, k] the vertices of each group; some more than once."""
+    each = [np.unique(group) for group in groups]
+    return np.stack([np.resize(own, max(len(own) for own in each)) for own in each])
 
 
 def _total_jvp(

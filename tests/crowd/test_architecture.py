@@ -46,6 +46,7 @@ ROOMS: list[tuple[str, ...]] = [
         "crowd.state",
         "crowd.stride_assets",
         "crowd.herd_assets",
+        "crowd.mesh_assets",
         "crowd.herd_responses",
         "crowd.leg_responses",
         "crowd.water_assets",

@@ -11,6 +11,7 @@ import pytest
 from crowd import build, check, scene
 from crowd.characters.builtin import build as built_in
 from crowd.errors import InputError
+from crowd.layout import SMALL_TILE
 from crowd.scene import HerdScene
 from tests.crowd import glb_writer
 from tests.crowd.scenes import herd, scenario
@@ -62,9 +63,9 @@ def test_only_styles_in_use_are_brought_and_channels_count_styles_then_clips() -
     wave = next(clip for clip in people.extras if clip.name == "wave").duration
     np.testing.assert_allclose(table.hold, [np.inf, wave, 0.4, wave, np.inf], rtol=1e-6)
     mask = np.asarray(params.characters[0].style)
-    assert mask.shape == (1, 5, 128)
+    assert mask.shape == (1, 5, SMALL_TILE)
     np.testing.assert_array_equal(mask[0, :, :3], [[1, 1, 1], [1, 1, 1], [0, 1, 0], [1, 1, 1], [1, 1, 1]])
-    assert params.styles[1].frame.shape == (0,) and params.characters[1].style.shape == (1, 0, 128)
+    assert params.styles[1].frame.shape == (0,) and params.characters[1].style.shape == (1, 0, SMALL_TILE)
     assert params.characters[0].turn.shape[1] == params.characters[0].impulse.shape[1] == 1
 
 

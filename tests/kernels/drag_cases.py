@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from crowd import posing
-from kernels import drag, drag_rigid, drag_skinned
+from kernels import drag, drag_moments, drag_rigid, drag_skinned
 from kernels.wall import no_wall, through
 from tests.kernels import meshes
 from tests.kernels.checks import (
@@ -86,14 +86,9 @@ def rigid_blob(batch: tuple[int, ...], seed: int = 0, still: bool = False) -> tu
     bones = rng.integers(0, BONES, blocks)
     corners = vertices[faces].reshape(blocks, size, 3, 3)  # block, triangle, corner, component
     corners[-1, -1] = corners[-1, -1, :1]  # padding: no area
-    area = 0.5 * np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
-    rows = np.concatenate([np.ones((blocks, size, 1)), corners.mean(2)], 2)
+    mesh = drag_rigid.rigid_mesh(corners)
     tail = (1,) * len(batch)  # the kernel's layout has one axis of characters: [..., 1]
-    mesh = (
-        corners.transpose(2, 3, 0, 1).reshape(3, 3, blocks, size, *tail),
-        area.transpose(2, 0, 1).reshape(3, blocks, size, *tail),
-        rows.transpose(0, 2, 1),
-    )
+    mesh = tuple(x if x is mesh.moments else x.reshape(*x.shape[:-1], *tail) for x in mesh)
     transforms = np.concatenate([unit_vectors(rng, 4, BONES, *batch), 0.2 * rng.normal(size=(3, BONES, *batch))])
     velocity = rng.normal(size=(6, BONES, *batch)) * (np.arange(6) < 3 if still else np.ones(6)).reshape(
         6, 1, *(1,) * len(batch)
@@ -122,18 +117,7 @@ def in_world(corners, bones, transforms, velocity, scale) -> tuple[np.ndarray, n
 def rigid(bones, submersion: Any = "clipped", mode: Any = "area", flag: Any = None):
     def run(mesh, transforms, velocity, scale, *fluid):
         wall = no_wall if flag is None else through(jnp.asarray(flag))
-        return tuple(
-            drag_rigid.rigid(
-                bones,
-                drag_rigid.RigidMesh(*mesh),
-                transforms,
-                velocity,
-                scale,
-                drag.Fluid(*fluid),
-                submersion,
-                mode,
-                wall,
-            )
-        )
+        ride, water = drag_moments.RigidMesh(*mesh), drag.Fluid(*fluid)
+        return tuple(drag_rigid.rigid(bones, ride, transforms, velocity, scale, water, submersion, mode, wall))
 
     return run

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from kernels import buoyancy, drag_rigid
+from kernels import buoyancy, drag_moments
 from kernels.wall import no_wall, through
 from tests.kernels import meshes
 from tests.kernels.checks import (
@@ -73,7 +73,7 @@ def test_rigid_is_skinned(batch: tuple[int, ...]) -> None:
 
     def run(mesh: Any, transforms: Any, scale: Any, surface: Any) -> Any:
         return buoyancy.rigid(
-            bones.astype(np.int32), drag_rigid.RigidMesh(*mesh), transforms, scale, surface, line=True
+            bones.astype(np.int32), drag_moments.RigidMesh(*mesh), transforms, scale, surface, line=True
         )
 
     expected = in_double(skinned(triangles), world, surface)

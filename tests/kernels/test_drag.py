@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from kernels import drag, drag_skinned
+from kernels.drag_rigid import groups_of, rigid_mesh
 from tests.kernels import meshes
 from tests.kernels.checks import (
     BATCHES,
@@ -151,10 +155,59 @@ def test_rigid_gradients_of_the_mesh() -> None:
     """No scenario asks for them; they are there all the same, and right."""
     bones, mesh, at, _ = rigid_blob((2,), seed=6)
     water = fluid(0.05, OFFSET, batch=(2,))
-    corners, area, moments = mesh  # the area of padding is 0, where its drag has a kink
+    corners, area, moments, bounds = mesh  # the area of padding is 0, where its drag has a kink
 
     def run(corners, moments, *at):
         with jax.enable_x64(True):
-            return rigid(bones, flag=True)((corners, jnp.asarray(area), moments), *at)
+            return rigid(bones, flag=True)((corners, jnp.asarray(area), moments, jnp.asarray(bounds)), *at)
 
     assert_gradients_agree(run, corners, moments, *at, *water, tolerance=1e-4)
+
+
+# --- dry parts -------------------------------------------------------------------------------------------------------
+
+
+def tall_body(kind: str) -> tuple[Callable[..., Any], tuple[Any, ...], np.ndarray]:
+    """A column of 320 triangles from -1 to 1 m in several groups from the bottom upwards, for three characters."""
+    vertices, triangles = meshes.split(*meshes.blob())
+    vertices = vertices * np.array([0.3, 1.0, 0.3]) / np.abs(vertices[:, 1]).max()
+    triangles = triangles[np.argsort(vertices[triangles, 1].mean(1), kind="stable")]
+    rng = np.random.default_rng(3)
+    if kind == "skinned":
+        at = np.repeat(vertices.T[..., None], 3, 2), rng.normal(size=(3, len(vertices), 3))
+        return skinned(triangles, mode="paper", flag=True), at, vertices[:, 1]
+    corners = vertices[triangles].reshape(40, 8, 3, 3)
+    mesh = rigid_mesh(corners)
+    assert groups_of(len(mesh.moments)) > 1
+    transforms = np.repeat(np.array([1.0, 0, 0, 0, 0, 0, 0])[:, None, None], 3, 2)
+    at = transforms, rng.normal(size=(6, 1, 3)), np.array([1.0, 1.0, 1.0])
+    ride = rigid(np.zeros(40, int), mode="paper", flag=True)
+    return (lambda *at: ride(mesh, *at)), at, vertices[:, 1]
+
+
+@pytest.mark.parametrize("kind", ["skinned", "rigid"])
+def test_dry_groups_change_no_bits(kind: str) -> None:
+    """A character's drag is the same whether a neighbour wets the groups above it or not; dry is exactly nothing."""
+    run, at, height = tall_body(kind)
+    surface = np.array([-0.6, -2.0, -2.0])
+    alone = in_single(run, *at, *fluid(surface, OFFSET, batch=(3,)))
+    deep = in_single(run, *at, *fluid(np.array([-0.6, -2.0, 2.0]), OFFSET, batch=(3,)))
+    assert height.min() < surface[0] < height.max()
+    assert abs(alone[1][0]) > 1
+    for few, all_ in zip(alone, deep, strict=True):
+        np.testing.assert_array_equal(few[..., :2], all_[..., :2])
+        assert (few[..., 1:] == 0).all()
+        assert (all_[..., 2] != 0).all()
+
+
+@pytest.mark.parametrize("kind", ["skinned", "rigid"])
+def test_what_is_not_finite_stays_so_and_alone(kind: str) -> None:
+    run, at, _ = tall_body(kind)
+    surface = np.array([-0.6, 0.3, -2.0])
+    whole = in_single(run, *at, *fluid(surface, OFFSET, batch=(3,)))
+    broken = [x.copy() for x in at]
+    broken[0][..., 2] = np.nan
+    found = in_single(run, *broken, *fluid(surface, OFFSET, batch=(3,)))
+    for before, after in zip(whole, found, strict=True):
+        np.testing.assert_array_equal(before[..., :2], after[..., :2])
+    assert np.isnan(found[0][..., 2]).all()

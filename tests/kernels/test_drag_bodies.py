@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from kernels.drag_rigid import rigid_mesh
 from tests.kernels import meshes
 from tests.kernels.checks import (
     assert_close,
@@ -97,10 +98,7 @@ def test_gradient_finite_at_every_degeneracy(mode: str) -> None:
     assert_gradient_finite(skinned(triangles, mode=mode), *at, *fluid(0.0, OFFSET, batch=(3,)))
     if mode == "paper":
         return
-    flat = vertices[triangles][None]  # one block
-    area = 0.5 * np.cross(flat[:, :, 1] - flat[:, :, 0], flat[:, :, 2] - flat[:, :, 0])
-    rows = np.concatenate([np.ones((*flat.shape[:2], 1)), flat.mean(2)], 2).transpose(0, 2, 1)
-    mesh = flat.transpose(2, 3, 0, 1)[..., None], area.transpose(2, 0, 1)[..., None], rows
+    mesh = tuple(rigid_mesh(vertices[triangles][None]))  # one block
     transforms = np.zeros((7, 1, 3))
     transforms[0] = 1.0
     velocity = np.zeros((6, 1, 3))

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from kernels import drag, drag_rigid, drag_skinned
+from kernels import drag, drag_moments, drag_rigid, drag_skinned
 from kernels.wall import no_wall, through
 from tests.kernels import meshes
 from tests.kernels.checks import BATCHES, assert_close, assert_gradients_agree, in_double, in_single
@@ -29,7 +29,7 @@ def skinned(triangles: np.ndarray, floor: Any, submersion: Any = "clipped", flag
 def rigid(bones: np.ndarray, floor: Any, flag: bool = False):
     def run(mesh, transforms, velocity, scale, *water):
         wall = through(jnp.asarray(True)) if flag else no_wall
-        mesh, water = drag_rigid.RigidMesh(*mesh), drag.Fluid(*water)
+        mesh, water = drag_moments.RigidMesh(*mesh), drag.Fluid(*water)
         return tuple(
             drag_rigid.rigid(bones, mesh, transforms, velocity, scale, water, wall=wall, floor=jnp.asarray(floor))
         )
