@@ -22,6 +22,7 @@ class Case:
     water: bool = True
     gait: Literal["semi_procedural", "footsteps", "clip"] = "footsteps"
     devices: int = 1
+    gradient: int = 0  # frames of a gradient instead of a run
     rubble: bool = False  # a height grid under everything, whose every look-up is four reads; otherwise flat
 
     @property
@@ -48,6 +49,9 @@ CASES = (
     Case("dog-clip-2048", (("dog", 2048),), water=False, gait="clip", rubble=True),
     Case("human-rigid-2048-2dev", (("human", 2048),), devices=2),
     Case("human-skinned-2048-2dev", (("human", 2048),), mesh="skinned", devices=2),
+    Case("human-rigid-64-gradient", (("human", 64),), gradient=120),
+    Case("human-rigid-256-gradient", (("human", 256),), gradient=120),
+    Case("human-skinned-64-gradient", (("human", 64),), mesh="skinned", gradient=120),
 )
 
 # On a GPU: from where it idles to where it is full.

@@ -64,6 +64,9 @@ def figures(lines: Iterable[Line]) -> list[Figure]:
         found.append(Figure(f"semi-procedural gait on {legs} legs, over the plain clip", "µs", added, "<=", limit))
     for few, many in (("human-rigid-64", "human-rigid-2048"), ("human-rigid-16384", "human-rigid-2048")):
         found.append(Figure(f"per character, {few} against {many}", "x", _ratio(us(few), us(many))))
+    for name in ("human-rigid-64", "human-rigid-256", "human-skinned-64"):
+        times = case.get(f"{name}-gradient", {}).get("over_forward")
+        found.append(Figure(f"gradient of 120 frames over the run, {name}", "x", times, "<=", 12.0))
     return found
 
 

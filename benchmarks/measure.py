@@ -65,6 +65,11 @@ def measure(job: Job) -> dict[str, Any]:
     elif jax.default_backend() == "cpu":
         raise SystemExit("JAX finds no GPU here: it needs a plug-in of its own (jax[cuda13]) and a driver")
     compile_cache.enable()
+    if job.case.gradient:
+        from benchmarks.gradient import measured
+
+        line = measured(job.case, job.runs)
+        return line | {"pinned_cores": pinned, "peak_rss_bytes": peak_memory()}
     frames = job.frames or frames_for(job.case.count)
     program, line = _compiled(job, frames)
     line |= {"pinned_cores": pinned, "device": jax.devices()[0].device_kind}

@@ -14,6 +14,7 @@ import crowd
 from benchmarks import record
 from benchmarks.cases import CASES, GPU_CASES, QUICK, Case, scenario
 from benchmarks.figures import alone_name, figures
+from benchmarks.gradient import measured
 from benchmarks.measure import Job, frames_for
 from benchmarks.run import chosen, main, run_case
 from benchmarks.stages import LOOPS, STAGES, Event, instruction_stages, own_times, stage_of
@@ -63,6 +64,12 @@ def test_job_survives_the_command_line() -> None:
     for case in CASES:
         job = Job(case, frames=3, runs=2, profile=False)
         assert Job.read(job.text()) == job
+
+
+def test_a_gradient_is_held_against_its_run() -> None:
+    line = measured(Case("few", (("hexapod", 2),), water=False, gradient=2), runs=1)
+    assert line["over_forward"] > 1 and line["us"] > line["forward_us"] > 0
+    assert line["frames"] == 2 and line["temp_bytes_per_character"] > 0
 
 
 def test_the_fewer_characters_the_longer_the_run() -> None:
