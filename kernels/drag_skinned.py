@@ -66,21 +66,31 @@ def _total(triangles: np.ndarray, submersion: Submersion, mode: OffsetMode, wall
 
     if wall.flag is None:
         return _group(submersion, mode, wall, jnp.asarray(triangles.T), mesh)
-    depth = wall(lambda level, vertices: level - vertices[1], mesh.levels[0], mesh.vertices)
+    depth = wall(_depth, mesh)
 
     def group(total: Array, given: tuple[Array, Array]) -> tuple[Array, None]:
         corner, own = given
-        near = wall(lambda depth: depth.reshape(mesh.vertices.shape[1:])[own], depth)
-        deepest = wall(lambda near: near.max(0), near)
 
         def some(total: Array) -> Array:
             return total + _group(submersion, mode, wall, corner, mesh)
 
-        return jax.lax.cond(jnp.any(~(deepest <= 0)), some, lambda total: total, total), None
+        return jax.lax.cond(_wet(wall, depth, own), some, lambda total: total, total), None
 
     groups = grouped(triangles)
     zero = jnp.zeros((8, *mesh.vertices.shape[2:]), mesh.vertices.dtype)
     return jax.lax.scan(group, zero, (jnp.asarray(groups), jnp.asarray(_vertices(groups))))[0]
+
+
+def _depth(mesh: _Mesh) -> Array:
+    """[V, *b] m: of each vertex under the surface."""
+    return (mesh.levels[0] - mesh.vertices[1]).reshape(mesh.vertices.shape[1:])
+
+
+def _wet(wall: Wall, depth: Array, own: Array) -> Array:
+    """Whether any of these vertices may be under the surface for any character; NaN may be."""
+    near = wall(lambda depth: depth[own], depth)
+    deepest = wall(lambda near: near.max(0), near)
+    return jnp.any(~(deepest <= 0))
 
 
 def _vertices(groups: np.ndarray) -> np.ndarray:
@@ -95,22 +105,24 @@ def _total_jvp(
     """Changes of the corners are read for all groups at once: backwards, that adds to each vertex once.
 
     Differentiated as it is, the loop would keep every array of every group, and add arrays of all vertices to each
-    other in every group.
+    other in every group. The walls of a group that is dry are closed: then its stages are not run.
     """
     wall, mesh = primals
     changes = jax.tree.map(instantiated, tangents[1], mesh)
     groups = _groups(triangles, wall)
+    depth = wall(_depth, mesh)
 
     @functools.partial(jax.checkpoint, prevent_cse=False)
-    def group(total: Array, given: tuple[Array, Array]) -> tuple[Array, None]:
-        corner, change = given
-        near = wall(lambda mesh: jnp.concatenate([x[:, corner] for x in _fields(mesh)]), mesh)
-        here = functools.partial(_group, submersion, mode, wall, None)
+    def group(total: Array, given: tuple[Array, Array, Array]) -> tuple[Array, None]:
+        corner, own, change = given
+        wet = wall if wall.flag is None else Wall(wall.flag & _wet(wall, depth, own))
+        near = wet(lambda mesh: jnp.concatenate([x[:, corner] for x in _fields(mesh)]), mesh)
+        here = functools.partial(_group, submersion, mode, wet, None)
         return total + jax.jvp(here, (_with(mesh, near),), (_with(changes, change),))[1], None
 
     zero = jnp.zeros((8, *mesh.vertices.shape[2:]), mesh.vertices.dtype)
     every = wall(lambda changes: jnp.moveaxis(jnp.concatenate(_fields(changes))[:, groups], 1, 0), changes)
-    change = jax.lax.scan(group, zero, (jnp.asarray(groups), every))[0]
+    change = jax.lax.scan(group, zero, (jnp.asarray(groups), jnp.asarray(_vertices(groups)), every))[0]
     return _total(triangles, submersion, mode, wall, mesh), change
 
 

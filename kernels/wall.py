@@ -3,8 +3,8 @@
 On a CPU, XLA fuses a gather, the arithmetic after it and the reduction after that into one loop that recomputes the
 gather for every output: 10 to 30 times slower, and the rounding of one character then depends on what stands beside it.
 A wall is a conditional whose flag is an argument of the jitted program, so that the compiler cannot see through it. It
-works under scan, map, shard_map, vmap (flag not batched) and both modes of differentiation. On a GPU kernels are better
-large: no walls.
+works under scan, map, shard_map, vmap (of what is not the flag) and both modes of differentiation. On a GPU kernels are
+better large: no walls.
 
 The rule: *gather | elementwise with one output | reduction* are never in one region.
 
@@ -69,7 +69,7 @@ no_wall = Wall(None)
 
 
 def through(flag: Array) -> Wall:
-    """A wall behind `flag`, a scalar bool that is true at run time and an unbatched argument of the jitted program."""
+    """A wall behind `flag`, a scalar bool that comes from an argument of the jitted program; false: stages give zeros."""
     return Wall(flag)
 
 
@@ -182,11 +182,13 @@ def _pulled(
 def _batched(
     operands: Any, axes: Any, *, stage: Flat, shapes: Any, reach: Any, **_: Any
 ) -> tuple[list[Any], list[int]]:
-    if axes[0] is not None:
-        raise NotImplementedError("the flag of a wall cannot be batched")
     size = next(x.shape[axis] for x, axis in zip(operands, axes, strict=True) if axis is not None)
-    wider = tuple(out.update(shape=(size, *out.shape)) for out in shapes)
     mapped = jax.vmap(stage, in_axes=tuple(axes[1:]), axis_size=size)
+    if axes[0] is not None:  # a wall no longer, as a conditional would be none
+        flags = jnp.moveaxis(operands[0], axes[0], 0)
+        outs = [jnp.where(flags.reshape(-1, *(1,) * (x.ndim - 1)), x, jnp.zeros_like(x)) for x in mapped(*operands[1:])]
+        return outs, [0] * len(shapes)
+    wider = tuple(out.update(shape=(size, *out.shape)) for out in shapes)
     return wall_p.bind(*operands, stage=mapped, shapes=wider, reach=reach), [0] * len(shapes)
 
 

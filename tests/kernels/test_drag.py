@@ -182,7 +182,7 @@ def tall_body(kind: str) -> tuple[Callable[..., Any], tuple[Any, ...], np.ndarra
     transforms = np.repeat(np.array([1.0, 0, 0, 0, 0, 0, 0])[:, None, None], 3, 2)
     at = transforms, rng.normal(size=(6, 1, 3)), np.array([1.0, 1.0, 1.0])
     ride = rigid(np.zeros(40, int), mode="paper", flag=True)
-    return (lambda *at: ride(mesh, *at)), at, vertices[:, 1]
+    return (lambda *at: ride(tuple(jnp.asarray(x) for x in mesh), *at)), at, vertices[:, 1]
 
 
 @pytest.mark.parametrize("kind", ["skinned", "rigid"])
@@ -198,6 +198,12 @@ def test_dry_groups_change_no_bits(kind: str) -> None:
         np.testing.assert_array_equal(few[..., :2], all_[..., :2])
         assert (few[..., 1:] == 0).all()
         assert (all_[..., 2] != 0).all()
+
+
+@pytest.mark.parametrize("kind", ["skinned", "rigid"])
+def test_gradients_with_dry_groups(kind: str) -> None:
+    run, at, _ = tall_body(kind)
+    assert_gradients_agree(run, *at, *fluid(np.array([-0.61, -2.0, -0.83]), OFFSET, batch=(3,)), tolerance=1e-4)
 
 
 @pytest.mark.parametrize("kind", ["skinned", "rigid"])

@@ -60,6 +60,16 @@ def test_same_numbers(way: str, kind: str) -> None:
     assert_close(walled, plain, 1e-6)
 
 
+def test_a_flag_for_each_of_a_batch() -> None:
+    """Then nothing is left out, but closed walls still give zeros; backwards, too."""
+    flags = jnp.array([True, False])
+    both = jnp.stack([X, X])
+    value, slope = jax.vmap(jax.value_and_grad(lambda x, flag: stages(through(flag), x).sum()))(both, flags)
+    expected = jax.grad(lambda x: stages(no_wall, x).sum())(X)
+    assert_close(value, jnp.array([stages(no_wall, X).sum(), 0.0]), 1e-6)
+    assert_close(slope, jnp.stack([expected, jnp.zeros_like(X)]), 1e-6)
+
+
 def test_a_told_transpose_is_used() -> None:
     def run(x):
         return through(OPEN).linear(lambda w, x: w @ x, lambda w, y: 2.0 * (w.T @ y), WEIGHTS, x).sum()
