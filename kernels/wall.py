@@ -69,7 +69,7 @@ no_wall = Wall(None)
 
 
 def through(flag: Array) -> Wall:
-    """A wall behind `flag`, a scalar bool that comes from an argument of the jitted program; false: stages give zeros."""
+    """A wall behind `flag`, a scalar bool made from an argument of the jitted program; false: stages give zeros."""
     return Wall(flag)
 
 
