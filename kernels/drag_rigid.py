@@ -99,7 +99,7 @@ def _total(
     Then they would add zeros, so that no character's numbers depend on the others.
     """
     if wall.flag is None:
-        return _whole(bones, submersion, mode, wall, mesh, ride, transforms)
+        return _of_blocks(submersion, mode, wall, mesh, _of(ride, bones, wall), bones, transforms)
     groups = groups_of(len(bones))
     size = len(bones) // groups
 
@@ -108,13 +108,12 @@ def _total(
         part = RigidMesh(
             *(jax.lax.dynamic_slice_in_dim(x, first, size, axis) for x, axis in zip(mesh, AXES, strict=True))
         )
-        bone = wall(lambda bone, joints: bone[joints], ride.bone, joints)
-        wet = wall(_touched, part.bounds, bone)
+        own = _of(ride, joints, wall)
 
         def some(total: Array) -> Array:
-            return total + _of_blocks(submersion, mode, wall, part, ride._replace(bone=bone), joints, transforms)
+            return total + _of_blocks(submersion, mode, wall, part, own, joints, transforms)
 
-        return jax.lax.cond(wet, some, lambda total: total, total), None
+        return jax.lax.cond(wall(_touched, part.bounds, own.bone), some, lambda total: total, total), None
 
     given = jnp.arange(groups) * size, jnp.asarray(bones.reshape(groups, size))
     return jax.lax.scan(group, jnp.zeros((8, *ride.scale.shape), transforms.dtype), given)[0]
@@ -127,7 +126,8 @@ def _total_jvp(bones: np.ndarray, submersion: Submersion, mode: OffsetMode, prim
     along = jax.tree.map(instantiated, tuple(tangents[2:]), tuple(given))
 
     def whole(*given: Any) -> Array:
-        return _whole(bones, submersion, mode, wall, *((mesh,) if still else ()), *given)
+        part, ride, transforms = (mesh, *given) if still else given
+        return _of_blocks(submersion, mode, wall, part, _of(ride, bones, wall), bones, transforms)
 
     if not still:  # no part of a simulation moves the mesh
         given, along = (mesh, *given), (jax.tree.map(instantiated, tangents[1], mesh), *along)
@@ -137,18 +137,9 @@ def _total_jvp(bones: np.ndarray, submersion: Submersion, mode: OffsetMode, prim
 _total.defjvp(_total_jvp, symbolic_zeros=True)
 
 
-def _whole(
-    bones: np.ndarray,
-    submersion: Submersion,
-    mode: OffsetMode,
-    wall: Wall,
-    mesh: RigidMesh,
-    ride: Ride,
-    transforms: Array,
-) -> Array:
-    """[8, *b]: the totals over all blocks."""
-    bone = wall(lambda bone: bone[bones], ride.bone)
-    return _of_blocks(submersion, mode, wall, mesh, ride._replace(bone=bone), bones, transforms)
+def _of(ride: Ride, joints: Array | np.ndarray, wall: Wall) -> Ride:
+    """What the drag of blocks depends on, from that of all joints; joints [blocks]: the bone of each."""
+    return ride._replace(bone=wall(lambda bone: bone[joints], ride.bone))
 
 
 def _of_blocks(
@@ -160,7 +151,7 @@ def _of_blocks(
     joints: Array | np.ndarray,
     transforms: Array,
 ) -> Array:
-    """[8, *b]: the totals over blocks; joints [blocks]: the bone of each."""
+    """[8, *b]: the totals over blocks; ride: of the blocks; joints [blocks]: the bone of each."""
     s, m = moments(submersion, mode, wall, mesh, ride)
     at = wall(lambda transforms: transforms[joints], transforms)
     blocks = wall(_assembled, s, m, ride.bone, at, ride.scale)

@@ -63,7 +63,6 @@ def _total(triangles: np.ndarray, submersion: Submersion, mode: OffsetMode, wall
 
     Then they would add zeros, so that no character's numbers depend on the others.
     """
-
     if wall.flag is None:
         return _group(submersion, mode, wall, jnp.asarray(triangles.T), mesh)
     depth = wall(_depth, mesh)
@@ -206,9 +205,6 @@ def _corner_weights(depths: tuple[Array, Array, Array], submersion: Submersion) 
         share = jnp.where(a + b + c > 0, 1.0 / 3.0, 0.0)
         return share, share, share
     return wet_corner(a, b, c), wet_corner(b, c, a), wet_corner(c, a, b)
-
-
-GROUP = 80  # triangles whose arrays for 128 characters fit a 1 MiB cache
 
 
 def grouped(triangles: np.ndarray) -> np.ndarray:

@@ -96,7 +96,6 @@ wall_p.multiple_results = True
 
 @wall_p.def_impl
 def _run(flag: Any, *operands: Any, stage: Flat, shapes: tuple[Any, ...], **_: Any) -> list[Any]:
-
     def nothing(*_: Any) -> list[Any]:
         return [jnp.zeros(shape.shape, shape.dtype) for shape in shapes]
 
