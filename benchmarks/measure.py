@@ -100,7 +100,7 @@ def _compiled(job: Job, frames: int) -> tuple[Any, dict[str, Any]]:
     shares = dealt(program, job.case.devices)
     built = time.perf_counter()
     run = compiled(program[0], -(-frames // RATE))
-    lowered = [run.lower(*share, *_scalars(share, frames)) for share in shares]
+    lowered = [run.lower(*share, _left(share, frames)) for share in shares]
     traced, processor = time.perf_counter(), time.process_time()
     with ThreadPoolExecutor(len(shares)) as pool:
         executables = list(pool.map(lambda one: one.compile(), lowered))
@@ -118,12 +118,12 @@ def _compiled(job: Job, frames: int) -> tuple[Any, dict[str, Any]]:
     return [(one, *share) for one, share in zip(executables, shares, strict=True)], line
 
 
-def _scalars(share: Any, frames: int) -> Any:
-    """The last two arguments of `rollout`, on the device of a share: frames to go, and the walls' flag."""
+def _left(share: Any, frames: int) -> Any:
+    """The last argument of `rollout`, on the device of a share: frames to go."""
     import jax
     import numpy as np
 
-    return jax.device_put((np.int32(frames), np.True_), share[2][0].frame.device)
+    return jax.device_put(np.int32(frames), share[2][0].frame.device)
 
 
 def _timed(program: Any, job: Job, frames: int) -> tuple[tuple[Any, ...], dict[str, Any]]:
@@ -136,7 +136,7 @@ def _timed(program: Any, job: Job, frames: int) -> tuple[tuple[Any, ...], dict[s
 
     def advance(one: Any) -> Any:
         executable, assets, params, states = one
-        states, _ = jax.block_until_ready(executable(assets, params, states, *_scalars(one[1:], frames)))
+        states, _ = jax.block_until_ready(executable(assets, params, states, _left(one[1:], frames)))
         return executable, assets, params, states
 
     wall, processor = [], []
@@ -149,7 +149,7 @@ def _timed(program: Any, job: Job, frames: int) -> tuple[tuple[Any, ...], dict[s
                 processor.append(time.process_time() - used)
     per = 1e6 / (frames * job.case.count)
     faults = sum(int(np.count_nonzero(np.asarray(state.fault))) for one in program for state in one[3])
-    return (*program[0][1:], _scalars(program[0][1:], frames)[1]), {
+    return program[0][1:], {
         "frames": frames,
         "runs": job.runs,
         "us": round(float(np.median(wall)) * per, 4),

@@ -73,9 +73,7 @@ def own_times(events: Iterable[Event], stages: Mapping[str, str]) -> dict[str, f
     return total
 
 
-def shares(
-    executable: Any, assets: Any, params: Any, states: Any, flag: Any, frames: int
-) -> tuple[dict[str, float], float]:
+def shares(executable: Any, assets: Any, params: Any, states: Any, frames: int) -> tuple[dict[str, float], float]:
     """Share of every stage in the time of `frames` frames, adding up to 1, and how many instructions of a stage (on a
     GPU: kernels) run in a frame; empty and 0 where the profiler shows nothing.
 
@@ -90,7 +88,7 @@ def shares(
     options.python_tracer_level = 0
     with tempfile.TemporaryDirectory(prefix="crowd-profile-") as folder:
         with jax.profiler.trace(folder, profiler_options=options):
-            jax.block_until_ready(executable(assets, params, states, count, flag))
+            jax.block_until_ready(executable(assets, params, states, count))
         file = next(Path(folder).rglob("*.xplane.pb"))
         total, count = sum_lines(jax.profiler.ProfileData.from_file(str(file)), stages)
     whole = sum(total.values())

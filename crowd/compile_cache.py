@@ -17,9 +17,15 @@ def folder() -> Path:
 
 
 def enable() -> Path | None:
-    """Turns the cache on for this process; None where its folder cannot be written. Call before compiling."""
+    """Turns the cache on for this process; None where its folder cannot be written. Call before JAX's first array.
+
+    Also tells XLA what it reads once for the whole process.
+    """
     import jax
 
+    from crowd import compiler_options
+
+    compiler_options.prepare()
     path = folder()
     try:
         path.mkdir(parents=True, exist_ok=True)

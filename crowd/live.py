@@ -64,7 +64,7 @@ class Stepper:
         # every step of a call belongs to one recorded frame: the last one is shown
         self._layout = dataclasses.replace(layout, record_every=MOST_FRAMES)
         self._device = jax.devices()[0]
-        self._shared, self._flag = jax.device_put(((assets, params), np.True_), self._device)
+        self._shared = jax.device_put((assets, params), self._device)
         self._run = compiled(self._layout, 1)
         self.reset(state)
 
@@ -119,7 +119,7 @@ class Stepper:
         for which in sorted(wanted.keys() | faced.keys()):
             states[which] = self._steered(which, states[which], wanted.get(which), faced.get(which))
         count = jax.device_put(np.int32(frames), self._device)
-        self._states, shown = self._run(*self._shared, tuple(states), count, self._flag)
+        self._states, shown = self._run(*self._shared, tuple(states), count)
         return {
             herd.name: HerdFrame(herd, self._layout, which, [shown[which]])
             for which, herd in enumerate(self.scene.herds)

@@ -46,16 +46,15 @@ class Rollout:
 
         read(states, frames): a pytree of arrays out of a `crowd.state.State` and a `crowd.state.Frame` of each herd,
         [tiles, ..., n]; padding repeats the first character. Derivatives do not reach into the frames of settling.
-        Pass `start` through `jax.jit` as an argument: the stages of a frame are kept apart behind a number in it.
+        Pass `start` through `jax.jit` as an argument: arrays that it encloses become constants of the program.
         """
-        flag = start.assets.world.max_step_height > 0.0
 
         def advance(states: tuple[Any, ...]) -> tuple[tuple[Any, ...], Any]:
-            states, frames = one_frame(self.layout, start.assets, params, states, flag)
+            states, frames = one_frame(self.layout, start.assets, params, states)
             return states, read(states, frames)
 
         def settled(states: tuple[Any, ...], _: None) -> tuple[tuple[Any, ...], None]:
-            return one_frame(self.layout, start.assets, params, states, flag)[0], None
+            return one_frame(self.layout, start.assets, params, states)[0], None
 
         def seen(states: tuple[Any, ...], _: None) -> tuple[tuple[Any, ...], Any]:
             return remembered(advance)(states)

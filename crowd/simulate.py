@@ -1,4 +1,4 @@
-"""Running a scene: the only jit, a scan over frames around a map over tiles, on one or several devices.
+"""Running a scene: the only jit, a map over tiles around a scan over frames, on one or several devices.
 
 Characters do not meet yet, so devices never wait for each other within a chunk. Where they share a water surface, one
 device steps them all, and the surface after them: it is the last of the states.
@@ -22,6 +22,7 @@ from jax import Array
 
 from crowd.assets import Assets
 from crowd.build import Program, build
+from crowd.compiler_options import options
 from crowd.components import water_surface
 from crowd.errors import fail
 from crowd.layout import Layout
@@ -32,7 +33,7 @@ from crowd.state import Frame, State, blank_frame
 from crowd.step import step
 from crowd.types import WaterFrames
 from crowd.unpack import shown_state, unpacked
-from kernels.wall import no_wall, through
+from kernels.wall import apart, no_wall
 from kernels.water import Waves
 
 CHUNK = 32  # recorded frames that leave the device at once
@@ -68,11 +69,10 @@ def one_frame(
     assets: Assets,
     params: Params,
     states: tuple[Any, ...],
-    flag: Array,
     waves: Waves | None = None,
 ) -> Any:
     """All herds one frame on: a map over each herd's tiles, then their water surface. Returns (states, frames)."""
-    wall = through(flag) if layout.walls else no_wall
+    wall = apart if layout.walls else no_wall
     felt = None if waves is None else water_surface.felt(layout, assets, params, states[-1], waves, wall)
 
     def herd(which: int) -> Any:
@@ -99,18 +99,53 @@ def rollout(
     params: Params,
     states: tuple[Any, ...],
     frames: Array,
-    flag: Array,
 ) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
     """Up to `chunk` recorded frames (of `record_every` steps each), and no step beyond the `frames` still to go.
 
-    Returns the states and, stacked over recorded frames, what `unpacked` reads, and a water surface's height. The
-    program is the same for every chunk of a run: the number of steps is an argument.
+    Returns the states and, of each herd, what `unpacked` reads, [tiles, recorded frames, ...], then the height of a
+    water surface, [recorded frames, ...]. The program is the same for every chunk: the number of steps is an argument.
     """
+    if layout.water is not None:
+        return _together_on(layout, chunk, assets, params, states, frames)
+    results = [_herd_on(layout, chunk, which, assets, params, states[which], frames) for which in range(len(states))]
+    return tuple(state for state, _ in results), tuple(shown for _, shown in results)
+
+
+def _herd_on(
+    layout: Layout, chunk: int, which: int, assets: Assets, params: Params, states: State, frames: Array
+) -> tuple[State, Any]:
+    """`rollout` of a herd whose tiles do not meet: each goes through all frames while what it needs is in the cache."""
+    wall = apart if layout.walls else no_wall
+
+    def tile(pair: tuple[Any, State]) -> tuple[State, Any]:
+        character, state = pair
+
+        def advance(_: Any, carry: tuple[State, Frame]) -> tuple[State, Frame]:
+            return step(layout, which, assets.herds[which], assets.world, params, character, carry[0], wall)
+
+        def recorded(carry: Any, _: Any) -> tuple[Any, Any]:
+            state, shown, left = carry
+            count = jnp.clip(left, 0, layout.record_every)
+            state, shown = jax.lax.fori_loop(0, count, advance, (state, shown))
+            return (state, shown, left - count), (shown_state(state), shown)
+
+        start = state, blank_frame(layout, layout.herds[which], state), frames
+        (state, _, _), shown = jax.lax.scan(recorded, start, None, length=chunk)
+        return state, shown
+
+    pairs = params.characters[which], states
+    return jax.lax.map(tile, pairs) if layout.walls else jax.vmap(tile)(pairs)
+
+
+def _together_on(
+    layout: Layout, chunk: int, assets: Assets, params: Params, states: tuple[Any, ...], frames: Array
+) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """`rollout` of characters that meet in a water surface: all of them frame by frame."""
     herds = len(layout.herds)
-    waves = None if layout.water is None else water_surface.prepared(layout, assets, params)
+    waves = water_surface.prepared(layout, assets, params)
 
     def advance(_: Any, carry: Any) -> Any:
-        return one_frame(layout, assets, params, carry[0], flag, waves)
+        return one_frame(layout, assets, params, carry[0], waves)
 
     def recorded(carry: Any, _: Any) -> tuple[Any, Any]:
         states, shown, left = carry
@@ -118,17 +153,17 @@ def rollout(
         states, shown = jax.lax.fori_loop(0, count, advance, (states, shown))
         slim = tuple(shown_state(state) for state in states[:herds])
         surface = tuple(water.height for water in states[herds:])
-        return (states, shown, left - count), (*zip(slim, shown, strict=True), *surface)
+        return (states, shown, left - count), (tuple(zip(slim, shown, strict=True)), surface)
 
     blank = tuple(blank_frame(layout, herd, state) for herd, state in zip(layout.herds, states[:herds], strict=True))
-    (states, _, _), shown = jax.lax.scan(recorded, (states, blank, frames), None, length=chunk)
-    return states, shown
+    (states, _, _), (shown, surface) = jax.lax.scan(recorded, (states, blank, frames), None, length=chunk)
+    return states, (*jax.tree.map(lambda x: jnp.swapaxes(x, 0, 1), shown), *surface)
 
 
 @functools.lru_cache(maxsize=32)
 def compiled(layout: Layout, chunk: int) -> Any:
     """The jitted program for a layout: `rollout`, on whichever device its arguments lie."""
-    return jax.jit(functools.partial(rollout, layout, chunk), donate_argnums=(2,))
+    return jax.jit(functools.partial(rollout, layout, chunk), donate_argnums=(2,), compiler_options=options())
 
 
 def dealt(program: Program, devices: int) -> list[tuple[Assets, Params, tuple[Any, ...]]]:
@@ -181,7 +216,7 @@ def stream(
     every = layout.record_every
     chunk = max(1, min(chunk, -(-total // every)))
     run = compiled(layout, chunk)
-    run.trace(*shares[0], np.int32(total), np.True_)  # once: the devices' threads would each do it
+    run.trace(*shares[0], np.int32(total))  # once: the devices' threads would each do it
     with ThreadPoolExecutor(count) as pool:  # compiling, the first time, goes on at once too
         running = [pool.submit(_advanced, run, total, share) for share in shares]
         for done in range(0, total, chunk * every):
@@ -222,7 +257,7 @@ def _water(scene: Scene, shown: Any, time: np.ndarray, first: int) -> WaterFrame
 def _advanced(run: Callable[..., Any], left: int, share: tuple[Assets, Params, tuple[Any, ...]]) -> Any:
     """One chunk on the device that holds the share."""
     device = share[2][0].frame.device
-    return jax.block_until_ready(run(*share, *jax.device_put((np.int32(left), np.True_), device)))
+    return jax.block_until_ready(run(*share, jax.device_put(np.int32(left), device)))
 
 
 def _joined(parts: Sequence[Any]) -> Any:

@@ -145,11 +145,11 @@ class Frame:
 
 
 def blank_frame(layout: Layout, herd: HerdLayout, state: State) -> Frame:
-    """A frame of zeros for the characters of a state [tiles, ..., n]: where a recording starts from."""
-    tiles, width = state.phase.shape
+    """A frame of zeros for the characters of a state [(tiles,) ..., n]: where a recording starts from."""
+    *tiles, width = state.phase.shape
 
     def zeros(*shape: int, kind: type = jnp.float32) -> Array:
-        return jnp.zeros((tiles, *shape, width), kind)
+        return jnp.zeros((*tiles, *shape, width), kind)
 
     posed = layout.record_pose
     return Frame(

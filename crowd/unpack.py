@@ -156,16 +156,16 @@ def _last(components: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _untiled(leaves: Sequence[Any], recorded: int, count: int) -> np.ndarray:
-    """[t, tiles, *components first*, 128] of each device to [t, n, *components last*], the first `recorded` of t.
+    """[tiles, t, *components first*, 128] of each device to [t, n, *components last*], the first `recorded` of t.
 
     The copy moves rows of 128 characters; components come last in a view of it.
     """
-    parts = [np.asarray(leaf)[:recorded] for leaf in leaves]
-    frames, _, *middle, width = parts[0].shape
-    out = np.empty((frames, *middle, sum(part.shape[1] for part in parts), width), parts[0].dtype)
+    parts = [np.asarray(leaf)[:, :recorded] for leaf in leaves]
+    _, frames, *middle, width = parts[0].shape
+    out = np.empty((frames, *middle, sum(map(len, parts)), width), parts[0].dtype)
     first = 0
     for part in parts:
-        out[..., first : first + part.shape[1], :] = np.moveaxis(part, 1, -2)
-        first += part.shape[1]
+        out[..., first : first + len(part), :] = np.moveaxis(part, 0, -2)
+        first += len(part)
     flat = out.reshape(frames, *middle, first * width)[..., :count]
     return flat.transpose(0, *range(flat.ndim - 1, 0, -1))

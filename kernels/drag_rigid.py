@@ -18,7 +18,7 @@ from kernels.vec import cross
 from kernels.wall import Wall, no_wall
 
 AXES = (2, 1, 0, 1)  # of the blocks in the fields of a mesh
-GROUP = 10  # blocks that go through together: enough to be worth the start, few enough to leave dry parts out
+GROUP = 7  # blocks that go through together: enough to be worth the start, few enough to leave dry parts out
 
 
 def groups_of(blocks: int) -> int:
@@ -94,29 +94,25 @@ def _total(
     ride: Ride,
     transforms: Array,
 ) -> Array:
-    """[8, *b]: the totals of `Drag`, group of blocks after group of blocks; those that no character wets are left out.
+    """[8, *b]: the totals of `Drag`, group of blocks after group of blocks, up to the last that any character wets.
 
-    Then they would add zeros, so that no character's numbers depend on the others.
+    Those beyond it would add zeros, so that no character's numbers depend on the others.
     """
     if wall.flag is None:
-        return _of_blocks(submersion, mode, wall, mesh, _of(ride, bones, wall), bones, transforms)
+        return _of_blocks(submersion, mode, wall, mesh, ride, bones, transforms)
     groups = groups_of(len(bones))
     size = len(bones) // groups
 
-    def group(total: Array, given: tuple[Array, Array]) -> tuple[Array, None]:
-        first, joints = given
-        part = RigidMesh(
-            *(jax.lax.dynamic_slice_in_dim(x, first, size, axis) for x, axis in zip(mesh, AXES, strict=True))
-        )
-        own = _of(ride, joints, wall)
+    def group(number: Array, total: Array) -> Array:
+        def own(x: Array, axis: int = 0) -> Array:
+            return jax.lax.dynamic_slice_in_dim(x, number * size, size, axis)
 
-        def some(total: Array) -> Array:
-            return total + _of_blocks(submersion, mode, wall, part, own, joints, transforms)
+        part = RigidMesh(*(own(x, axis) for x, axis in zip(mesh, AXES, strict=True)))
+        return total + _of_blocks(submersion, mode, wall, part, ride, own(jnp.asarray(bones)), transforms)
 
-        return jax.lax.cond(wall(_touched, part.bounds, own.bone), some, lambda total: total, total), None
-
-    given = jnp.arange(groups) * size, jnp.asarray(bones.reshape(groups, size))
-    return jax.lax.scan(group, jnp.zeros((8, *ride.scale.shape), transforms.dtype), given)[0]
+    surface = wall(lambda bone: bone[bones, 6:10], ride.bone)
+    count = wall(functools.partial(_touched, groups), wall(_nearest, mesh.bounds, surface))
+    return jax.lax.fori_loop(0, count, group, jnp.zeros((8, *ride.scale.shape), transforms.dtype))
 
 
 def _total_jvp(bones: np.ndarray, submersion: Submersion, mode: OffsetMode, primals: Any, tangents: Any) -> Any:
@@ -127,7 +123,7 @@ def _total_jvp(bones: np.ndarray, submersion: Submersion, mode: OffsetMode, prim
 
     def whole(*given: Any) -> Array:
         part, ride, transforms = (mesh, *given) if still else given
-        return _of_blocks(submersion, mode, wall, part, _of(ride, bones, wall), bones, transforms)
+        return _of_blocks(submersion, mode, wall, part, ride, bones, transforms)
 
     if not still:  # no part of a simulation moves the mesh
         given, along = (mesh, *given), (jax.tree.map(instantiated, tangents[1], mesh), *along)
@@ -135,11 +131,6 @@ def _total_jvp(bones: np.ndarray, submersion: Submersion, mode: OffsetMode, prim
 
 
 _total.defjvp(_total_jvp, symbolic_zeros=True)
-
-
-def _of(ride: Ride, joints: Array | np.ndarray, wall: Wall) -> Ride:
-    """What the drag of blocks depends on, from that of all joints; joints [blocks]: the bone of each."""
-    return ride._replace(bone=wall(lambda bone: bone[joints], ride.bone))
 
 
 def _of_blocks(
@@ -151,18 +142,25 @@ def _of_blocks(
     joints: Array | np.ndarray,
     transforms: Array,
 ) -> Array:
-    """[8, *b]: the totals over blocks; ride: of the blocks; joints [blocks]: the bone of each."""
+    """[8, *b]: the totals over blocks; ride, transforms: of all joints; joints [blocks]: the bone of each block."""
+    ride = ride._replace(bone=wall(lambda bone: bone[joints], ride.bone))
     s, m = moments(submersion, mode, wall, mesh, ride)
     at = wall(lambda transforms: transforms[joints], transforms)
     blocks = wall(_assembled, s, m, ride.bone, at, ride.scale)
     return wall(lambda blocks: blocks.sum(1), blocks)
 
 
-def _touched(bounds: Array, bone: Array) -> Array:
-    """Whether any of these blocks may be under the surface for any character; NaN may be."""
+def _nearest(bounds: Array, surface: Array) -> Array:
+    """[blocks, *b] depth of the lowest point that a triangle of the block may have, in the bone's unit."""
     x, y, z, radius = bounds
-    ux, uy, uz, depth = jnp.unstack(bone[:, 6:10], axis=1)
-    return jnp.any(~(depth - ux * x - uy * y - uz * z + radius <= 0))
+    ux, uy, uz, depth = jnp.unstack(surface, axis=1)
+    return depth - ux * x - uy * y - uz * z + radius
+
+
+def _touched(groups: int, depth: Array) -> Array:
+    """How many groups there are up to the last that may be under the surface for any character; NaN may be."""
+    dry = jnp.max(jnp.where(depth <= 0, 0.0, 1.0).reshape(groups, -1), 1) == 0
+    return jnp.max(jnp.where(dry, 0, jnp.arange(1, groups + 1)))
 
 
 def _rows_last(vectors: Array) -> Array:

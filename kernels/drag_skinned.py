@@ -59,43 +59,30 @@ def _groups(triangles: np.ndarray, wall: Wall) -> np.ndarray:
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0, 1, 2))
 def _total(triangles: np.ndarray, submersion: Submersion, mode: OffsetMode, wall: Wall, mesh: _Mesh) -> Array:
-    """[8, *b]: the totals of `Drag`, group of triangles after group; those that no character wets are left out.
+    """[8, *b]: the totals of `Drag`, group of triangles after group, up to the last that any character wets.
 
-    Then they would add zeros, so that no character's numbers depend on the others.
+    Those beyond it would add zeros, so that no character's numbers depend on the others.
     """
     if wall.flag is None:
         return _group(submersion, mode, wall, jnp.asarray(triangles.T), mesh)
-    depth = wall(_depth, mesh)
-
-    def group(total: Array, given: tuple[Array, Array]) -> tuple[Array, None]:
-        corner, own = given
-
-        def some(total: Array) -> Array:
-            return total + _group(submersion, mode, wall, corner, mesh)
-
-        return jax.lax.cond(_wet(wall, depth, own), some, lambda total: total, total), None
-
     groups = grouped(triangles)
-    zero = jnp.zeros((8, *mesh.vertices.shape[2:]), mesh.vertices.dtype)
-    return jax.lax.scan(group, zero, (jnp.asarray(groups), jnp.asarray(_vertices(groups))))[0]
+
+    def group(number: Array, total: Array) -> Array:
+        return total + _group(submersion, mode, wall, jnp.asarray(groups)[number], mesh)
+
+    count = jnp.max(jnp.where(_wet(groups, wall, mesh), jnp.arange(1, len(groups) + 1), 0))
+    return jax.lax.fori_loop(0, count, group, jnp.zeros((8, *mesh.vertices.shape[2:]), mesh.vertices.dtype))
 
 
-def _depth(mesh: _Mesh) -> Array:
-    """[V, *b] m: of each vertex under the surface."""
-    return (mesh.levels[0] - mesh.vertices[1]).reshape(mesh.vertices.shape[1:])
+def _wet(groups: np.ndarray, wall: Wall, mesh: _Mesh) -> Array:
+    """[groups] whether any vertex of each may be under the surface for any character; NaN may be."""
 
+    def under(mesh: _Mesh) -> Array:
+        depth = (mesh.levels[0] - mesh.vertices[1]).reshape(mesh.vertices.shape[1], -1)
+        return jnp.where(depth <= 0, 0.0, 1.0)
 
-def _wet(wall: Wall, depth: Array, own: Array) -> Array:
-    """Whether any of these vertices may be under the surface for any character; NaN may be."""
-    near = wall(lambda depth: depth[own], depth)
-    deepest = wall(lambda near: near.max(0), near)
-    return jnp.any(~(deepest <= 0))
-
-
-def _vertices(groups: np.ndarray) -> np.ndarray:
-    """[groups, k] the vertices of each group; some more than once."""
-    each = [np.unique(group) for group in groups]
-    return np.stack([np.resize(own, max(len(own) for own in each)) for own in each])
+    some = wall(lambda under: under.max(1), wall(under, mesh))
+    return wall(lambda some: some[groups.reshape(len(groups), -1)].max(1) > 0, some)
 
 
 def _total_jvp(
@@ -109,19 +96,18 @@ def _total_jvp(
     wall, mesh = primals
     changes = jax.tree.map(instantiated, tangents[1], mesh)
     groups = _groups(triangles, wall)
-    depth = wall(_depth, mesh)
 
     @functools.partial(jax.checkpoint, prevent_cse=False)
     def group(total: Array, given: tuple[Array, Array, Array]) -> tuple[Array, None]:
         corner, own, change = given
-        wet = wall if wall.flag is None else Wall(wall.flag & _wet(wall, depth, own))
+        wet = wall.gate(own)
         near = wet(lambda mesh: jnp.concatenate([x[:, corner] for x in _fields(mesh)]), mesh)
         here = functools.partial(_group, submersion, mode, wet, None)
         return total + jax.jvp(here, (_with(mesh, near),), (_with(changes, change),))[1], None
 
     zero = jnp.zeros((8, *mesh.vertices.shape[2:]), mesh.vertices.dtype)
     every = wall(lambda changes: jnp.moveaxis(jnp.concatenate(_fields(changes))[:, groups], 1, 0), changes)
-    change = jax.lax.scan(group, zero, (jnp.asarray(groups), jnp.asarray(_vertices(groups)), every))[0]
+    change = jax.lax.scan(group, zero, (jnp.asarray(groups), _wet(groups, wall, mesh), every))[0]
     return _total(triangles, submersion, mode, wall, mesh), change
 
 

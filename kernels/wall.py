@@ -2,9 +2,9 @@
 
 On a CPU, XLA fuses a gather, the arithmetic after it and the reduction after that into one loop that recomputes the
 gather for every output: 10 to 30 times slower, and the rounding of one character then depends on what stands beside it.
-A wall is a conditional whose flag is an argument of the jitted program, so that the compiler cannot see through it. It
-works under scan, map, shard_map, vmap (of what is not the flag) and both modes of differentiation. On a GPU kernels are
-better large: no walls.
+A wall is a call that the compiler is told not to inline. A gate is a wall that leaves the stage out where its flag is
+false: a conditional. Both work under scan, map, shard_map, vmap and both modes of differentiation. On a GPU kernels
+are better large: no walls.
 
 The rule: *gather | elementwise with one output | reduction* are never in one region.
 
@@ -16,23 +16,42 @@ and copies what it was given: three times the time of a backward pass.
 from __future__ import annotations
 
 import functools
+import typing
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.experimental.xla_metadata import set_xla_metadata
 from jax.extend.core import ClosedJaxpr, Literal, Primitive, Var, jaxpr_as_fun
 from jax.interpreters import ad, batching, mlir
 
 Flat = Callable[..., Sequence[Any]]  # a stage on arrays instead of trees
 
 
-class Wall(NamedTuple):
-    """Runs stages behind a flag, or (None: no wall) as part of whatever surrounds them."""
+@jax.tree_util.register_pytree_node_class
+@dataclass(frozen=True)
+class Wall:
+    """Runs stages apart from whatever surrounds them (True), behind a gate (a flag), or as part of it (None)."""
 
-    flag: Array | None
+    flag: Array | typing.Literal[True] | None
+
+    def tree_flatten(self) -> tuple[tuple[Array, ...], typing.Literal[True] | None]:
+        """Only the flag of a gate varies."""
+        return ((), self.flag) if self.flag is None or self.flag is True else ((self.flag,), None)
+
+    @classmethod
+    def tree_unflatten(cls, kind: typing.Literal[True] | None, flags: Sequence[Array]) -> Wall:
+        return cls(*flags) if flags else cls(kind)
+
+    def gate(self, flag: Array) -> Wall:
+        """Where there are walls, one that also leaves its stages out where `flag` is false: they give zeros."""
+        if self.flag is None:
+            return self
+        return Wall(flag if self.flag is True else self.flag & flag)
 
     def __call__(self, stage: Callable[..., Any], *arguments: Any) -> Any:
         if self.flag is None:
@@ -44,9 +63,8 @@ class Wall(NamedTuple):
         def flat(*operands: Any) -> Sequence[Any]:
             return jaxpr_as_fun(ClosedJaxpr(closed.jaxpr, operands[:enclosed]))(*operands[enclosed:])
 
-        outs = wall_p.bind(
-            self.flag, *closed.consts, *leaves, stage=flat, shapes=tuple(closed.out_avals), reach=_reach(closed.jaxpr)
-        )
+        about = dict(shapes=tuple(closed.out_avals), reach=_reach(closed.jaxpr), gated=self.flag is not True)
+        outs = wall_p.bind(self.flag, *closed.consts, *leaves, stage=flat, **about)
         return jax.tree.unflatten(jax.tree.structure(shapes), outs)
 
     def linear(
@@ -60,16 +78,16 @@ class Wall(NamedTuple):
             return stage(constants, x)
         closed = jax.make_jaxpr(stage)(constants, x)
         flat, back = (lambda *given: [stage(*given)]), (lambda *given: [transpose(*given)])
-        return wall_p.bind(
-            self.flag, constants, x, stage=flat, shapes=tuple(closed.out_avals), reach=_reach(closed.jaxpr), back=back
-        )[0]
+        about = dict(shapes=tuple(closed.out_avals), reach=_reach(closed.jaxpr), gated=self.flag is not True)
+        return wall_p.bind(self.flag, constants, x, stage=flat, back=back, **about)[0]
 
 
 no_wall = Wall(None)
+apart = Wall(True)
 
 
 def through(flag: Array) -> Wall:
-    """A wall behind `flag`, a scalar bool made from an argument of the jitted program; false: stages give zeros."""
+    """A gate: `flag` is a scalar bool; where it is false stages are not run and give zeros."""
     return Wall(flag)
 
 
@@ -88,14 +106,23 @@ def _differs(aval: Any) -> bool:
     return jnp.issubdtype(aval.dtype, np.inexact)
 
 
-# Operands: the flag, then those of `stage`, a function of arrays. shapes: of its outputs. reach: as `_reach` says.
+# Operands: the flag (of use if gated), then those of `stage`, a function of arrays. shapes: of its outputs. reach: as
+# `_reach` says.
 # back: of a stage that is linear in the second of two operands, its transpose (see `Wall.linear`).
 wall_p = Primitive("wall")
 wall_p.multiple_results = True
 
 
 @wall_p.def_impl
-def _run(flag: Any, *operands: Any, stage: Flat, shapes: tuple[Any, ...], **_: Any) -> list[Any]:
+def _run(flag: Any, *operands: Any, stage: Flat, shapes: tuple[Any, ...], gated: bool, **_: Any) -> list[Any]:
+    def wall(*operands: Any) -> list[Any]:
+        with set_xla_metadata(inlineable=None):  # what the stage calls is part of it
+            return list(stage(*operands))
+
+    if not gated:
+        with set_xla_metadata(inlineable="false"):
+            return jax.jit(wall)(*operands)
+
     def nothing(*_: Any) -> list[Any]:
         return [jnp.zeros(shape.shape, shape.dtype) for shape in shapes]
 
@@ -111,23 +138,23 @@ def _shapes(*_: Any, shapes: tuple[Any, ...], **__: Any) -> tuple[Any, ...]:
 
 
 def _jvp(
-    primals: Any, tangents: Any, *, stage: Flat, shapes: Any, reach: Any, back: Flat | None = None
+    primals: Any, tangents: Any, *, stage: Flat, shapes: Any, reach: Any, gated: bool, back: Flat | None = None
 ) -> tuple[list[Any], list[Any]]:
     """The stage, and behind another wall its derivative along those tangents that are not zero."""
     flag, *operands = primals
     along = [i for i, tangent in enumerate(tangents[1:]) if not isinstance(tangent, ad.Zero)]
     moved = [k for k, felt in enumerate(reach) if felt.intersection(along)]
-    outs = wall_p.bind(flag, *operands, stage=stage, shapes=shapes, reach=reach, back=back)
+    bind = functools.partial(wall_p.bind, flag, gated=gated)
+    outs = bind(*operands, stage=stage, shapes=shapes, reach=reach, back=back)
     if back is not None and along == [1]:
-        given = (flag, operands[0], tangents[2])
-        return outs, wall_p.bind(*given, stage=stage, shapes=shapes, reach=reach, back=back)
+        return outs, bind(operands[0], tangents[2], stage=stage, shapes=shapes, reach=reach, back=back)
     changes = [ad.Zero(out.to_tangent_aval()) for out in shapes]
     if moved:
         derivative = functools.partial(_derivative, stage, len(operands), tuple(along), tuple(moved))
         place = {i: len(operands) + j for j, i in enumerate(along)}
         after = tuple(frozenset(reach[k]) | {place[i] for i in reach[k] if i in place} for k in moved)
         given = (*operands, *(tangents[1 + i] for i in along))
-        changed = wall_p.bind(flag, *given, stage=derivative, shapes=tuple(shapes[k] for k in moved), reach=after)
+        changed = bind(*given, stage=derivative, shapes=tuple(shapes[k] for k in moved), reach=after)
         for k, change in zip(moved, changed, strict=True):
             changes[k] = change
     return outs, changes
@@ -146,7 +173,14 @@ def _derivative(stage: Flat, count: int, along: tuple[int, ...], moved: tuple[in
 
 
 def _transpose(
-    cotangents: Any, flag: Any, *operands: Any, stage: Flat, shapes: Any, reach: Any, back: Flat | None = None
+    cotangents: Any,
+    flag: Any,
+    *operands: Any,
+    stage: Flat,
+    shapes: Any,
+    reach: Any,
+    gated: bool,
+    back: Flat | None = None,
 ) -> list[Any]:
     """Cotangents of the operands in which the stage is linear, behind a wall."""
     linear = tuple(i for i, operand in enumerate(operands) if ad.is_undefined_primal(operand))
@@ -154,12 +188,12 @@ def _transpose(
     avals = tuple(operands[i].aval for i in linear)
     known = [operand for i, operand in enumerate(operands) if i not in linear]
     given = (*known, *(cotangents[k] for k in felt))
-    reach = (frozenset(range(len(given))),) * len(linear)
+    about = dict(shapes=avals, reach=(frozenset(range(len(given))),) * len(linear), gated=gated)
     if back is not None and linear == (1,):
-        outs = wall_p.bind(flag, *given, stage=back, shapes=avals, reach=reach, back=stage)
+        outs = wall_p.bind(flag, *given, stage=back, back=stage, **about)
     else:
         pull = functools.partial(_pulled, stage, len(operands), linear, felt, avals)
-        outs = wall_p.bind(flag, *given, stage=pull, shapes=avals, reach=reach)
+        outs = wall_p.bind(flag, *given, stage=pull, **about)
     pulled = dict(zip(linear, outs, strict=True))
     return [None, *(pulled.get(i) for i in range(len(operands)))]
 
@@ -179,7 +213,7 @@ def _pulled(
 
 
 def _batched(
-    operands: Any, axes: Any, *, stage: Flat, shapes: Any, reach: Any, **_: Any
+    operands: Any, axes: Any, *, stage: Flat, shapes: Any, reach: Any, gated: bool, **_: Any
 ) -> tuple[list[Any], list[int]]:
     size = next(x.shape[axis] for x, axis in zip(operands, axes, strict=True) if axis is not None)
     mapped = jax.vmap(stage, in_axes=tuple(axes[1:]), axis_size=size)
@@ -188,7 +222,7 @@ def _batched(
         outs = [jnp.where(flags.reshape(-1, *(1,) * (x.ndim - 1)), x, jnp.zeros_like(x)) for x in mapped(*operands[1:])]
         return outs, [0] * len(shapes)
     wider = tuple(out.update(shape=(size, *out.shape)) for out in shapes)
-    return wall_p.bind(*operands, stage=mapped, shapes=wider, reach=reach), [0] * len(shapes)
+    return wall_p.bind(*operands, stage=mapped, shapes=wider, reach=reach, gated=gated), [0] * len(shapes)
 
 
 ad.primitive_jvps[wall_p] = _jvp

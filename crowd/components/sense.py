@@ -16,7 +16,7 @@ from kernels import terrain
 from kernels.drag import Fluid
 from kernels.fluid import sigmoid
 from kernels.trig import sin_cos
-from kernels.wall import Wall, no_wall, through
+from kernels.wall import Wall, apart, no_wall
 
 
 class Surroundings(NamedTuple):
@@ -37,7 +37,7 @@ def ground(layout: Layout, world: World, place: Array, altitude: Array | None = 
     altitude: world height [*b] of who asks. Where the ground has several levels, the highest one not more than
     `world.max_step_height` above that is meant, the lowest one where none is; None: the highest of all.
     """
-    wall = _wall(layout, world)
+    wall = apart if layout.walls else no_wall
     found, slope, _ = _layer(layout.ground[0], world.layers[0], place, wall)
     for shape, layer in zip(layout.ground[1:], world.layers[1:], strict=True):
         height, rise, there = _layer(shape, layer, place, wall)
@@ -49,17 +49,12 @@ def ground(layout: Layout, world: World, place: Array, altitude: Array | None = 
 
 def height(layout: Layout, world: World, place: Array, altitude: Array | None = None) -> Array:
     """Height [*b] alone of the ground at world places [2, *b]; see `ground`."""
-    wall = _wall(layout, world)
+    wall = apart if layout.walls else no_wall
     found, _ = _layer_height(layout.ground[0], world.layers[0], place, wall)
     for shape, layer in zip(layout.ground[1:], world.layers[1:], strict=True):
         other, there = _layer_height(shape, layer, place, wall)
         found = jnp.where(terrain.upper(_reach(world, altitude), found, other, there), other, found)
     return found
-
-
-def _wall(layout: Layout, world: World) -> Wall:
-    """Walls around the gather of a grid: behind a number of the program that is always positive."""
-    return through(world.max_step_height > 0) if layout.walls else no_wall
 
 
 def _reach(world: World, altitude: Array | None) -> Array | None:

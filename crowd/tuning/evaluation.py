@@ -86,7 +86,7 @@ class Evaluation:
             given = rollout.lanes(program, plan.which, at_once)
             run, memory = rollout.compiled(plan, given, free)
             self.memory = max(self.memory, memory)
-            q, j = (np.asarray(part, float) for part in run(given, free, np.True_))
+            q, j = (np.asarray(part, float) for part in run(given, free))
             keep = len(numbers[first : first + at_once])
             found.append(q.reshape(len(q), at_once, count).transpose(1, 0, 2)[:keep])
             slopes.append(j.reshape(*j.shape[:2], at_once, count).transpose(2, 0, 1, 3)[:keep])

@@ -18,13 +18,14 @@ from jax import Array
 
 from crowd.assets import Assets
 from crowd.build import Program
+from crowd.compiler_options import options
 from crowd.layout import TILE, Layout
 from crowd.params import Params
 from crowd.state import State
 from crowd.step import remembered, step
 from crowd.tuning import parameters, quantities
 from crowd.tuning.parameters import Free
-from kernels.wall import no_wall, through
+from kernels.wall import apart, no_wall
 
 
 class Plan(NamedTuple):
@@ -65,10 +66,10 @@ def starts_at_once(count: int) -> int:
     return max(1, TILE // count)
 
 
-def measured(plan: Plan, given: Lanes, free: Sequence[Array], flag: Array) -> Array:
+def measured(plan: Plan, given: Lanes, free: Sequence[Array]) -> Array:
     """[quantities, n] of a rollout with the free numbers [n]; derivatives reach back to the end of the settling."""
     params = wide(parameters.put(given.params, dict(zip(plan.free, free, strict=True))))
-    wall = through(flag) if plan.layout.walls else no_wall
+    wall = apart if plan.layout.walls else no_wall
     herd, world = given.assets.herds[plan.which], given.assets.world
 
     def frame(state: State) -> State:
@@ -97,9 +98,9 @@ def wide(params: Params) -> Params:
     return dataclasses.replace(params, fluids=dataclasses.replace(params.fluids, **changed))
 
 
-def _with_slopes(plan: Plan, given: Lanes, free: tuple[Array, ...], flag: Array) -> tuple[Array, Array]:
+def _with_slopes(plan: Plan, given: Lanes, free: tuple[Array, ...]) -> tuple[Array, Array]:
     """Quantities [q, n] and their derivatives [q, parameters, n]."""
-    found, pull = jax.vjp(lambda free: measured(plan, given, free, flag), free)
+    found, pull = jax.vjp(lambda free: measured(plan, given, free), free)
     rows = []
     for number in range(len(plan.quantities)):
         (slopes,) = pull(jnp.zeros_like(found).at[number].set(1.0))
@@ -109,17 +110,17 @@ def _with_slopes(plan: Plan, given: Lanes, free: tuple[Array, ...], flag: Array)
 
 @functools.lru_cache(maxsize=8)
 def _jitted(plan: Plan) -> Any:
-    return jax.jit(functools.partial(_with_slopes, plan))
+    return jax.jit(functools.partial(_with_slopes, plan), compiler_options=options())
 
 
 _programs: dict[tuple[Any, ...], tuple[Any, int]] = {}
 
 
 def compiled(plan: Plan, given: Lanes, free: tuple[np.ndarray, ...]) -> tuple[Any, int]:
-    """The program (lanes, free, flag) -> (quantities, derivatives), and the bytes it needs beside those."""
+    """The program (lanes, free) -> (quantities, derivatives), and the bytes it needs beside those."""
     key = (plan, free[0].shape)
     if key not in _programs:
-        program = _jitted(plan).lower(given, free, np.True_).compile()
+        program = _jitted(plan).lower(given, free).compile()
         memory = program.memory_analysis()
         _programs[key] = program, int(memory.temp_size_in_bytes) if memory is not None else 0
     return _programs[key]

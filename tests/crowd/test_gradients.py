@@ -33,7 +33,7 @@ def mean_speed(program: Program, factors: jax.Array) -> jax.Array:
     changed = dataclasses.replace(params, fluids=fluids, characters=(walker,))
 
     def frame(states: Any, _: None) -> Any:
-        states, _ = simulate.one_frame(layout, assets, changed, states, jnp.asarray(True))
+        states, _ = simulate.one_frame(layout, assets, changed, states)
         return states, states[0].velocity[0, 1, 0]
 
     return jax.lax.scan(frame, states, None, length=FRAMES)[1][FRAMES // 2 :].mean()

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 from crowd import posing
 from kernels import drag, drag_moments, drag_rigid, drag_skinned
-from kernels.wall import no_wall, through
+from kernels.wall import apart, no_wall
 from tests.kernels import meshes
 from tests.kernels.checks import (
     in_double,
@@ -32,7 +31,7 @@ def fluid(surface: Any = 1e3, offset: float = 0.0, flow: Any = (0.0, 0.0, 0.0), 
 
 def skinned(triangles: np.ndarray, submersion: Any = "clipped", mode: Any = "area", flag: Any = None):
     def run(vertices, velocity, *fluid):
-        wall = no_wall if flag is None else through(jnp.asarray(flag))
+        wall = apart if flag else no_wall
         return tuple(drag_skinned.skinned(triangles, vertices, velocity, drag.Fluid(*fluid), submersion, mode, wall))
 
     return run
@@ -116,7 +115,7 @@ def in_world(corners, bones, transforms, velocity, scale) -> tuple[np.ndarray, n
 
 def rigid(bones, submersion: Any = "clipped", mode: Any = "area", flag: Any = None):
     def run(mesh, transforms, velocity, scale, *fluid):
-        wall = no_wall if flag is None else through(jnp.asarray(flag))
+        wall = apart if flag else no_wall
         ride, water = drag_moments.RigidMesh(*mesh), drag.Fluid(*fluid)
         return tuple(drag_rigid.rigid(bones, ride, transforms, velocity, scale, water, submersion, mode, wall))
 

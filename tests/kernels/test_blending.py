@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kernels import blending
-from kernels.wall import through
+from kernels.wall import apart
 from tests.kernels.checks import (
     BATCHES,
     assert_close,
@@ -242,11 +242,9 @@ def test_shapes_order_and_walls(kind: str) -> None:
     mapped = jax.jit(jax.vmap(KINDS[kind], (None, 1), 1))(jnp.asarray(FAN), jnp.asarray(flat))
     assert_close(mapped, expected, 1e-6)
     if kind == "polar":
-        walled = in_single(
-            lambda s, q, on: blending.weights(blending.bands(s), q, wall=through(on)), FAN, flat, np.array(True)
-        )
+        walled = in_single(lambda s, q: blending.weights(blending.bands(s), q, wall=apart), FAN, flat)
     else:
-        walled = in_single(lambda s, q, on: blending.cartesian(s, q, through(on)), FAN, flat, np.array(True))
+        walled = in_single(lambda s, q: blending.cartesian(s, q, apart), FAN, flat)
     assert_close(walled, expected, 1e-6)
 
 

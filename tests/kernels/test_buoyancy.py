@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 import trimesh
 
 from kernels import buoyancy, drag_moments
-from kernels.wall import no_wall, through
+from kernels.wall import apart, no_wall
 from tests.kernels import meshes
 from tests.kernels.checks import (
     BATCHES,
@@ -25,7 +24,7 @@ from tests.kernels.drag_cases import rigid_blob
 
 def skinned(triangles: np.ndarray, flag: bool = False, line: bool = True):
     def run(vertices: Any, surface: Any) -> Any:
-        wall = through(jnp.asarray(True)) if flag else no_wall
+        wall = apart if flag else no_wall
         return tuple(x for x in buoyancy.skinned(triangles, vertices, surface, line, wall) if x is not None)
 
     return run

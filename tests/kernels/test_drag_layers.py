@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from kernels import drag, drag_moments, drag_rigid, drag_skinned
-from kernels.wall import no_wall, through
+from kernels.wall import apart, no_wall
 from tests.kernels import meshes
 from tests.kernels.checks import BATCHES, assert_close, assert_gradients_agree, in_double, in_single
 from tests.kernels.drag_cases import OFFSET, fluid, moving_blob, rigid_blob
@@ -18,7 +18,7 @@ from tests.kernels.drag_cases import OFFSET, fluid, moving_blob, rigid_blob
 
 def skinned(triangles: np.ndarray, floor: Any, submersion: Any = "clipped", flag: bool = False):
     def run(vertices, velocity, floor, *water):
-        wall = through(jnp.asarray(True)) if flag else no_wall
+        wall = apart if flag else no_wall
         return tuple(
             drag_skinned.skinned(triangles, vertices, velocity, drag.Fluid(*water), submersion, "area", wall, floor)
         )
@@ -28,7 +28,7 @@ def skinned(triangles: np.ndarray, floor: Any, submersion: Any = "clipped", flag
 
 def rigid(bones: np.ndarray, floor: Any, flag: bool = False):
     def run(mesh, transforms, velocity, scale, *water):
-        wall = through(jnp.asarray(True)) if flag else no_wall
+        wall = apart if flag else no_wall
         mesh, water = drag_moments.RigidMesh(*mesh), drag.Fluid(*water)
         return tuple(
             drag_rigid.rigid(bones, mesh, transforms, velocity, scale, water, wall=wall, floor=jnp.asarray(floor))

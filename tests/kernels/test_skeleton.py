@@ -10,7 +10,7 @@ import pytest
 from crowd import posing
 from crowd.types import Motion, Skeleton
 from kernels import skeleton
-from kernels.wall import Wall, no_wall, through
+from kernels.wall import Wall, apart, no_wall
 from tests.kernels.checks import (
     BATCHES,
     assert_close,
@@ -106,23 +106,21 @@ def test_zero_quaternion_is_finite() -> None:
 
 
 def test_walls_change_nothing() -> None:
-    """Under jit, and under a vmap that leaves the flag alone."""
+    """Under jit, and under a vmap."""
     at = tuple(jnp.asarray(x, jnp.float32) for x in pose(BIPED, (3, 2)))
     plain = jax.jit(kinematics(BIPED))(*at)
 
     @jax.jit
-    def walled(flag, *at):
-        return kinematics(BIPED, through(flag))(*at)
+    def walled(*at):
+        return kinematics(BIPED, apart)(*at)
 
-    assert_close(walled(jnp.array(True), *at), plain, 1e-6)
-    vectorised = jax.jit(jax.vmap(walled, in_axes=(None, 2, 2, 1, 1), out_axes=2))
-    assert_close(vectorised(jnp.array(True), *at), plain, 1e-6)
+    assert_close(walled(*at), plain, 1e-6)
+    vectorised = jax.jit(jax.vmap(walled, in_axes=(2, 2, 1, 1), out_axes=2))
+    assert_close(vectorised(*at), plain, 1e-6)
 
 
 @pytest.mark.parametrize("walled", [False, True], ids=["no_wall", "walls"])
 def test_gradients(walled: bool) -> None:
-    with jax.enable_x64(True):
-        flag = jnp.array(True)
     fork = (-1, 0, 0, 1)
     at = pose(fork, (2,))
-    assert_gradients_agree(kinematics(fork, through(flag) if walled else no_wall), *at)
+    assert_gradients_agree(kinematics(fork, apart if walled else no_wall), *at)

@@ -11,7 +11,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from kernels import terrain
-from kernels.wall import through
+from kernels.wall import apart
 from tests.kernels.checks import (
     BATCHES,
     assert_close,
@@ -149,12 +149,12 @@ def test_places_counted_from_a_post(post: tuple[int, int]) -> None:
 def test_height_alone_and_behind_walls_is_the_same() -> None:
     u, v = np.random.default_rng(6).uniform(-2, 8, (2, 300))
 
-    def heights(grid, u, v, flag):
+    def heights(grid, u, v):
         cell = terrain.locate(GRID.shape, u, v)
-        apart = terrain.posts(grid, GRID.shape[1], cell.corner, through(flag))
-        return terrain.grid_height(apart, cell), terrain.grid_ground(terrain.posts(grid, 6, cell.corner), cell)[0]
+        walled = terrain.posts(grid, GRID.shape[1], cell.corner, apart)
+        return terrain.grid_height(walled, cell), terrain.grid_ground(terrain.posts(grid, 6, cell.corner), cell)[0]
 
-    walled, plain = in_double(heights, GRID.ravel(), u, v, np.array(True))
+    walled, plain = in_double(heights, GRID.ravel(), u, v)
     assert_close(walled, plain, 1e-12)
     assert_close(plain, in_double(bilinear, GRID.ravel(), u, v)[0], 1e-12)
 

@@ -9,12 +9,12 @@ import pytest
 from jax.test_util import check_grads
 
 from kernels.totals import total_of
-from kernels.wall import Wall, no_wall, through
+from kernels.wall import Wall, apart, no_wall
 
 
 @pytest.fixture(params=["one reduction", "one each"])
 def wall(request: pytest.FixtureRequest) -> Wall:
-    return no_wall if request.param == "one reduction" else through(jnp.array(True))
+    return no_wall if request.param == "one reduction" else apart
 
 
 @pytest.mark.parametrize("shape", [(7,), (5, 1), (4, 3, 2), (0, 3)])

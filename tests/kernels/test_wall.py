@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from kernels.wall import no_wall, through
+from kernels.wall import apart, no_wall, through
 from tests.kernels.checks import assert_close
 
 X = jnp.linspace(-2.0, 2.0, 6).reshape(2, 3)
@@ -51,10 +51,14 @@ WAYS = {
 }
 
 
+WALLS = {"wall": lambda _: apart, "gate": through, "gate in a gate": lambda flag: through(flag).gate(flag)}
+
+
 @pytest.mark.parametrize("kind", STAGES)
 @pytest.mark.parametrize("way", WAYS)
-def test_same_numbers(way: str, kind: str) -> None:
-    walled = WAYS[way](lambda flag, x: STAGES[kind](through(flag), x))
+@pytest.mark.parametrize("wall", WALLS)
+def test_same_numbers(wall: str, way: str, kind: str) -> None:
+    walled = WAYS[way](lambda flag, x: STAGES[kind](WALLS[wall](flag), x))
     plain = WAYS[way](lambda flag, x: STAGES[kind](no_wall, x))
     assert np.abs(plain).max() > 0.1
     assert_close(walled, plain, 1e-6)
@@ -78,7 +82,7 @@ def test_a_told_transpose_is_used() -> None:
 
 
 def test_backwards_it_keeps_its_arguments_only() -> None:
-    """And its derivative is one more conditional, not arrays that the first one returns."""
+    """And its derivative is one more wall, not arrays that the first one returns."""
 
     def run(x):
         return through(OPEN)(lambda x: jnp.sin(jnp.cos(x) * jnp.exp(x)), x)
@@ -108,13 +112,24 @@ def test_result_keeps_structure_and_types() -> None:
 
 
 def test_stays_in_the_program() -> None:
-    """The compiler must not see through it: one conditional for each stage, in the compiled program too."""
-    compiled = jax.jit(lambda flag, x: stages(through(flag), x)).lower(OPEN, X).compile().as_text() or ""
-    plain = jax.jit(lambda x: stages(no_wall, x)).lower(X).compile().as_text() or ""
-    assert compiled.count(" conditional(") == 2
-    assert plain
-    assert "conditional(" not in plain
+    """The compiler must not see through it: one call or conditional for each stage, in the compiled program too."""
+
+    def text(run) -> str:
+        return jax.jit(run).lower(OPEN, X).compile().as_text() or ""
+
+    plain = text(lambda _, x: stages(no_wall, x))
+    for wall, kept in ((lambda _: apart, " call("), (through, " conditional(")):
+        assert text(lambda flag, x, wall=wall: stages(wall(flag), x)).count(kept) == plain.count(kept) + 2
 
 
-def test_closed_wall_gives_zeros() -> None:
+def test_what_a_stage_calls_is_part_of_it() -> None:
+    """Only the wall stays a call, not the jitted functions inside it."""
+    compiled = jax.jit(lambda x: apart(lambda x: jnp.clip(jnp.where(x > 0, x, 2 * x), -1, 1), x)).lower(X).compile()
+    assert (compiled.as_text() or "").count('inlineable="false"') >= 1
+    assert (compiled.as_text() or "").count(" call(") == 1
+
+
+def test_closed_gate_gives_zeros() -> None:
     assert (stages(through(jnp.array(False)), X) == 0).all()
+    assert (stages(apart.gate(jnp.array(False)), X) == 0).all()
+    assert stages(no_wall.gate(jnp.array(False)), X).any()
