@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -11,11 +12,11 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
+from kernels import drag_backwards as backwards
 from kernels import quat
 from kernels.drag import Drag, Fluid, OffsetMode, Submersion, instantiated, levels_of
-from kernels.drag_moments import Ride, RigidMesh, moments
-from kernels.vec import cross
-from kernels.wall import Wall, no_wall
+from kernels.drag_moments import Ride, RigidMesh, assembled, moments
+from kernels.wall import Wall, apart, no_wall
 
 AXES = (2, 1, 0, 1)  # of the blocks in the fields of a mesh
 GROUP = 7  # blocks that go through together: enough to be worth the start, few enough to leave dry parts out
@@ -100,34 +101,105 @@ def _total(
     """
     if wall.flag is None:
         return _of_blocks(submersion, mode, wall, mesh, ride, bones, transforms)
+
+    def group(own: Own, total: Array) -> Array:
+        return total + _of_blocks(submersion, mode, wall, own.mesh(mesh), ride, own(jnp.asarray(bones)), transforms)
+
+    return _over_wet(bones, wall, mesh, ride, group, jnp.zeros((8, *ride.scale.shape), transforms.dtype))
+
+
+class Own(NamedTuple):
+    """The part of arrays of blocks that belongs to a group."""
+
+    first: Array
+    size: int
+
+    def __call__(self, x: Array, axis: int = 0) -> Array:
+        return jax.lax.dynamic_slice_in_dim(x, self.first, self.size, axis)
+
+    def mesh(self, mesh: RigidMesh) -> RigidMesh:
+        return RigidMesh(*(self(x, axis) for x, axis in zip(mesh, AXES, strict=True)))
+
+
+def _over_wet(
+    bones: np.ndarray, wall: Wall, mesh: RigidMesh, ride: Ride, group: Callable[[Own, Any], Any], start: Any
+) -> Any:
+    """What `group` makes of `start`, for every group of blocks up to the last that any character wets."""
     groups = groups_of(len(bones))
     size = len(bones) // groups
-
-    def group(number: Array, total: Array) -> Array:
-        def own(x: Array, axis: int = 0) -> Array:
-            return jax.lax.dynamic_slice_in_dim(x, number * size, size, axis)
-
-        part = RigidMesh(*(own(x, axis) for x, axis in zip(mesh, AXES, strict=True)))
-        return total + _of_blocks(submersion, mode, wall, part, ride, own(jnp.asarray(bones)), transforms)
-
     surface = wall(lambda bone: bone[bones, 6:10], ride.bone)
     count = wall(functools.partial(_touched, groups), wall(_nearest, mesh.bounds, surface))
-    return jax.lax.fori_loop(0, count, group, jnp.zeros((8, *ride.scale.shape), transforms.dtype))
+    return jax.lax.fori_loop(0, count, lambda number, total: group(Own(number * size, size), total), start)
 
 
 def _total_jvp(bones: np.ndarray, submersion: Submersion, mode: OffsetMode, primals: Any, tangents: Any) -> Any:
-    """Of all blocks at once, dry or not."""
+    """The derivative goes through the wet groups, too, in both directions."""
     wall, mesh, *given = primals
     still = all(isinstance(tangent, SymbolicZero) for tangent in tangents[1])
     along = jax.tree.map(instantiated, tuple(tangents[2:]), tuple(given))
+    out = _total(bones, submersion, mode, *primals)
+    if still and wall.flag is not None:
+        forth, back = (functools.partial(way, bones, submersion, mode) for way in (_changed, _pulled))
+        return out, wall.linear(forth, back, (mesh, *given), along)
 
-    def whole(*given: Any) -> Array:
-        part, ride, transforms = (mesh, *given) if still else given
-        return _of_blocks(submersion, mode, wall, part, ride, bones, transforms)
+    def whole(mesh: RigidMesh, ride: Ride, transforms: Array) -> Array:
+        return _of_blocks(submersion, mode, wall, mesh, ride, bones, transforms)
 
-    if not still:  # no part of a simulation moves the mesh
-        given, along = (mesh, *given), (jax.tree.map(instantiated, tangents[1], mesh), *along)
-    return _total(bones, submersion, mode, *primals), jax.jvp(whole, tuple(given), tuple(along))[1]
+    return out, jax.jvp(whole, (mesh, *given), (jax.tree.map(instantiated, tangents[1], mesh), *along))[1]
+
+
+def _changed(
+    bones: np.ndarray,
+    submersion: Submersion,
+    mode: OffsetMode,
+    given: tuple[RigidMesh, Ride, Array],
+    along: tuple[Ride, Array],
+) -> Array:
+    """[8, *b]: change of the totals with the ride and the transforms."""
+    mesh, *at = given
+
+    def group(own: Own, total: Array) -> Array:
+        def part(ride: Ride, transforms: Array) -> Array:
+            return _of_blocks(submersion, mode, apart, own.mesh(mesh), ride, own(jnp.asarray(bones)), transforms)
+
+        return total + jax.jvp(part, tuple(at), along)[1]
+
+    return _over_wet(bones, apart, mesh, given[1], group, jnp.zeros((8, *given[1].scale.shape), given[2].dtype))
+
+
+def _pulled(
+    bones: np.ndarray,
+    submersion: Submersion,
+    mode: OffsetMode,
+    given: tuple[RigidMesh, Ride, Array],
+    cotangent: Array,
+) -> tuple[Ride, Array]:
+    """Cotangents of the ride and the transforms from that of the totals: the transpose of `_changed`."""
+    mesh, ride, transforms = given
+    rows = backwards.readings(mesh, ride.bone.shape[1] - 9)
+    joints = np.arange(len(transforms))
+
+    def group(own: Own, total: tuple[Ride, Array]) -> tuple[Ride, Array]:
+        bone = own(jnp.asarray(bones))
+        here = ride._replace(bone=apart(lambda x: x[bone], ride.bone))
+        part = [(first, own(each)) for first, each in rows]
+        moved = apart(lambda x: x[bone], transforms)
+        on, on_moved = backwards.pulled(submersion, mode, apart, own.mesh(mesh), part, here, moved, cotangent)
+        which = (joints[:, None] == bone).astype(cotangent.dtype)  # a product adds blocks up sooner than a scatter
+        found = on._replace(bone=apart(_spread, which, on.bone)), apart(_spread, which, on_moved)
+        return jax.tree.map(jnp.add, total, found)
+
+    wide = Ride(ride.bone, *(jnp.broadcast_to(x, ride.scale.shape) for x in ride[1:]))
+    start = jax.tree.map(jnp.zeros_like, (wide, transforms))
+    on, on_transforms = _over_wet(bones, apart, mesh, ride, group, start)
+    narrow = (x.sum(tuple(range(x.ndim - y.ndim))) for x, y in zip(on[1:], ride[1:], strict=True))
+    return Ride(on.bone, *narrow), on_transforms
+
+
+def _spread(which: Array, blocks: Array) -> Array:
+    """[joints, k, *b] sums of blocks [blocks, k, *b]; which [joints, blocks]: 1 where a block rides on a joint."""
+    product = jax.lax.dot_general(which, blocks.reshape(len(blocks), -1), (((1,), (0,)), ((), ())))
+    return product.reshape(len(which), *blocks.shape[1:])
 
 
 _total.defjvp(_total_jvp, symbolic_zeros=True)
@@ -146,7 +218,7 @@ def _of_blocks(
     ride = ride._replace(bone=wall(lambda bone: bone[joints], ride.bone))
     s, m = moments(submersion, mode, wall, mesh, ride)
     at = wall(lambda transforms: transforms[joints], transforms)
-    blocks = wall(_assembled, s, m, ride.bone, at, ride.scale)
+    blocks = wall(assembled, s, m, ride.bone, at, ride.scale)
     return wall(lambda blocks: blocks.sum(1), blocks)
 
 
@@ -174,14 +246,3 @@ def _carried(transforms: Array, velocity: Array, scale: Array, *levels: Array) -
     up = quat.rotate(back, jnp.zeros_like(transforms[4:]).at[1].set(1.0))
     depths = [(level - transforms[5]) / scale for level in levels]
     return jnp.concatenate([quat.rotate(back, velocity[:3]) / scale, velocity[3:], up, *(d[None] for d in depths)])
-
-
-def _assembled(s: Array, m: Array, bone: Array, transforms: Array, scale: Array) -> Array:
-    """[8, blocks, *b] in the world: force, magnitude, moment and slope of each block."""
-    square = scale * scale
-    bone, transforms = jnp.moveaxis(bone, 1, 0), jnp.moveaxis(transforms, 1, 0)
-    force = -(bone[:3] * s[0] + cross(bone[3:6], s[1:])) * (square * square)
-    magnitude = m[0] * (square * square)
-    moment = magnitude * transforms[4:] + quat.rotate(transforms[:4], m[1:]) * (square * square * scale)
-    slope = s[0] * (square * scale)
-    return jnp.concatenate([quat.rotate(transforms[:4], force), magnitude[None], moment, slope[None]])

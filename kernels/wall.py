@@ -19,7 +19,7 @@ import functools
 import typing
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -68,18 +68,37 @@ class Wall:
         return jax.tree.unflatten(jax.tree.structure(shapes), outs)
 
     def linear(
-        self, stage: Callable[[Any, Any], Any], transpose: Callable[[Any, Any], Any], constants: Array, x: Array
-    ) -> Array:
-        """stage(constants, x), an array that is linear in x, where what JAX makes of its transpose would be slow.
+        self, stage: Callable[[Any, Any], Any], transpose: Callable[[Any, Any], Any], constants: Any, x: Any
+    ) -> Any:
+        """stage(constants, x), linear in x, where what JAX makes of its transpose would be slow or is not there.
 
-        transpose(constants, cotangent): the cotangent of x.
+        transpose(constants, cotangent): the cotangent of x. All are trees of arrays; what a stage needs is among the
+        constants. Their derivatives are JAX's own.
         """
         if self.flag is None:
             return stage(constants, x)
-        closed = jax.make_jaxpr(stage)(constants, x)
-        flat, back = (lambda *given: [stage(*given)]), (lambda *given: [transpose(*given)])
+        fixed, tree = jax.tree.flatten(constants)
+        varied, form = jax.tree.flatten(x)
+        count = len(fixed)
+
+        def flat(*given: Any) -> Sequence[Any]:
+            return jax.tree.leaves(stage(tree.unflatten(given[:count]), form.unflatten(given[count:])))
+
+        def pulled(*given: Any) -> Sequence[Any]:
+            return jax.tree.leaves(transpose(tree.unflatten(given[:count]), out.unflatten(given[count:])))
+
+        closed, shapes = jax.make_jaxpr(stage, return_shape=True)(constants, x)
+        out = jax.tree.structure(shapes)
         about = dict(shapes=tuple(closed.out_avals), reach=_reach(closed.jaxpr), gated=self.flag is not True)
-        return wall_p.bind(self.flag, constants, x, stage=flat, back=back, **about)[0]
+        outs = wall_p.bind(self.flag, *fixed, *varied, stage=flat, back=Back(pulled, count), **about)
+        return out.unflatten(outs)
+
+
+class Back(NamedTuple):
+    """How to go back through a stage that is linear in all operands but the first `count`."""
+
+    transpose: Flat  # the first operands, then cotangents of the outputs, to cotangents of the others
+    count: int
 
 
 no_wall = Wall(None)
@@ -108,7 +127,7 @@ def _differs(aval: Any) -> bool:
 
 # Operands: the flag (of use if gated), then those of `stage`, a function of arrays. shapes: of its outputs. reach: as
 # `_reach` says.
-# back: of a stage that is linear in the second of two operands, its transpose (see `Wall.linear`).
+# back: of a stage whose transpose is told (see `Wall.linear`).
 wall_p = Primitive("wall")
 wall_p.multiple_results = True
 
@@ -138,7 +157,7 @@ def _shapes(*_: Any, shapes: tuple[Any, ...], **__: Any) -> tuple[Any, ...]:
 
 
 def _jvp(
-    primals: Any, tangents: Any, *, stage: Flat, shapes: Any, reach: Any, gated: bool, back: Flat | None = None
+    primals: Any, tangents: Any, *, stage: Flat, shapes: Any, reach: Any, gated: bool, back: Back | None = None
 ) -> tuple[list[Any], list[Any]]:
     """The stage, and behind another wall its derivative along those tangents that are not zero."""
     flag, *operands = primals
@@ -146,8 +165,9 @@ def _jvp(
     moved = [k for k, felt in enumerate(reach) if felt.intersection(along)]
     bind = functools.partial(wall_p.bind, flag, gated=gated)
     outs = bind(*operands, stage=stage, shapes=shapes, reach=reach, back=back)
-    if back is not None and along == [1]:
-        return outs, bind(operands[0], tangents[2], stage=stage, shapes=shapes, reach=reach, back=back)
+    if back is not None and along and along[0] >= back.count:
+        varied = [ad.instantiate_zeros(tangent) for tangent in tangents[1 + back.count :]]
+        return outs, bind(*operands[: back.count], *varied, stage=stage, shapes=shapes, reach=reach, back=back)
     changes = [ad.Zero(out.to_tangent_aval()) for out in shapes]
     if moved:
         derivative = functools.partial(_derivative, stage, len(operands), tuple(along), tuple(moved))
@@ -180,7 +200,7 @@ def _transpose(
     shapes: Any,
     reach: Any,
     gated: bool,
-    back: Flat | None = None,
+    back: Back | None = None,
 ) -> list[Any]:
     """Cotangents of the operands in which the stage is linear, behind a wall."""
     linear = tuple(i for i, operand in enumerate(operands) if ad.is_undefined_primal(operand))
@@ -189,13 +209,22 @@ def _transpose(
     known = [operand for i, operand in enumerate(operands) if i not in linear]
     given = (*known, *(cotangents[k] for k in felt))
     about = dict(shapes=avals, reach=(frozenset(range(len(given))),) * len(linear), gated=gated)
-    if back is not None and linear == (1,):
-        outs = wall_p.bind(flag, *given, stage=back, back=stage, **about)
-    else:
-        pull = functools.partial(_pulled, stage, len(operands), linear, felt, avals)
-        outs = wall_p.bind(flag, *given, stage=pull, **about)
+    if back is not None and linear[0] >= back.count:
+        every = [ad.instantiate_zeros(cotangent) for cotangent in cotangents]
+        return [None, *_told(flag, operands[: back.count], every, operands[back.count :], back, stage, gated)]
+    pull = functools.partial(_pulled, stage, len(operands), linear, felt, avals)
+    outs = wall_p.bind(flag, *given, stage=pull, **about)
     pulled = dict(zip(linear, outs, strict=True))
     return [None, *(pulled.get(i) for i in range(len(operands)))]
+
+
+def _told(flag: Any, fixed: Any, cotangents: Any, varied: Any, back: Back, stage: Flat, gated: bool) -> Sequence[Any]:
+    """Cotangents of all operands, as `back` has them; of those that are known nobody asks."""
+    avals = tuple(x.aval if ad.is_undefined_primal(x) else jax.typeof(x) for x in varied)
+    about = dict(shapes=avals, reach=(frozenset(range(len(fixed) + len(cotangents))),) * len(avals), gated=gated)
+    outs = wall_p.bind(flag, *fixed, *cotangents, stage=back.transpose, back=Back(stage, back.count), **about)
+    asked = [out if ad.is_undefined_primal(x) else None for out, x in zip(outs, varied, strict=True)]
+    return [*(None for _ in fixed), *asked]
 
 
 def _pulled(
@@ -213,16 +242,23 @@ def _pulled(
 
 
 def _batched(
-    operands: Any, axes: Any, *, stage: Flat, shapes: Any, reach: Any, gated: bool, **_: Any
+    operands: Any, axes: Any, *, stage: Flat, shapes: Any, reach: Any, gated: bool, back: Back | None = None
 ) -> tuple[list[Any], list[int]]:
     size = next(x.shape[axis] for x, axis in zip(operands, axes, strict=True) if axis is not None)
+    if back is not None:  # what varies is mapped along its first axis, and so will be its cotangents
+        fixed, varied = 1 + back.count, zip(operands[1 + back.count :], axes[1 + back.count :], strict=True)
+        operands = (*operands[:fixed], *(batching.bdim_at_front(x, axis, size) for x, axis in varied))
+        axes = (*axes[:fixed], *(0 for _ in operands[fixed:]))
+        there = (*axes[1:fixed], *(0 for _ in shapes))
+        back = back._replace(transpose=jax.vmap(back.transpose, in_axes=there, axis_size=size))
     mapped = jax.vmap(stage, in_axes=tuple(axes[1:]), axis_size=size)
     if axes[0] is not None:  # a wall no longer, as a conditional would be none
         flags = jnp.moveaxis(operands[0], axes[0], 0)
         outs = [jnp.where(flags.reshape(-1, *(1,) * (x.ndim - 1)), x, jnp.zeros_like(x)) for x in mapped(*operands[1:])]
         return outs, [0] * len(shapes)
     wider = tuple(out.update(shape=(size, *out.shape)) for out in shapes)
-    return wall_p.bind(*operands, stage=mapped, shapes=wider, reach=reach, gated=gated), [0] * len(shapes)
+    about = dict(shapes=wider, reach=reach, gated=gated, back=back)
+    return wall_p.bind(*operands, stage=mapped, **about), [0] * len(shapes)
 
 
 ad.primitive_jvps[wall_p] = _jvp

@@ -81,6 +81,42 @@ def test_a_told_transpose_is_used() -> None:
     assert_close(jax.grad(run)(X), 2.0 * jnp.broadcast_to(WEIGHTS.sum(0)[:, None], X.shape), 1e-6)
 
 
+def looped(wall, scale, count, x):
+    """Linear in two arrays, by a loop that JAX cannot go back through: its length is only known when it runs."""
+
+    def forth(given, x):
+        scale, count = given
+        return jax.lax.fori_loop(0, count, lambda _, y: y * scale, x["one"] + 2.0 * x["other"].sum(0))
+
+    def back(given, y):
+        scale, count = given
+        y = jax.lax.fori_loop(0, count, lambda _, y: y * scale, y)
+        return {"one": y, "other": jnp.broadcast_to(2.0 * y, X.shape)}
+
+    return wall.linear(forth, back, (scale, count), x)
+
+
+@pytest.mark.parametrize("way", ["grad", "vmap of grad", "grad of vmap", "of one only"])
+def test_a_told_transpose_of_a_loop(way: str) -> None:
+    def run(x):
+        return (looped(apart, jnp.float32(0.5), jnp.int32(3), {"one": jnp.sin(x[0]), "other": x}) ** 2).sum()
+
+    def plain(x):
+        return ((0.125 * (jnp.sin(x[0]) + 2.0 * x.sum(0))) ** 2).sum()
+
+    def still(f, x):
+        return f(jnp.concatenate([x[:1], jax.lax.stop_gradient(X[1:])]))
+
+    several = jnp.stack([X, 2 * X, X - 1])
+    ways = {
+        "grad": lambda f: jax.grad(f)(X),
+        "vmap of grad": lambda f: jax.vmap(jax.grad(f))(several),
+        "grad of vmap": lambda f: jax.jit(jax.grad(lambda x: jax.vmap(f, in_axes=1)(x).sum()))(several.swapaxes(0, 1)),
+        "of one only": lambda f: jax.grad(lambda x: still(f, x))(X),
+    }
+    assert_close(ways[way](run), ways[way](plain), 1e-5)
+
+
 def test_backwards_it_keeps_its_arguments_only() -> None:
     """And its derivative is one more wall, not arrays that the first one returns."""
 
