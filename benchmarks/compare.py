@@ -87,9 +87,9 @@ def show(then: list[Line], now: list[Line], console: Console) -> None:
 
 
 def _cells(then: Line, now: Line, key: str, unit: float) -> tuple[str, str, str]:
-    values = [line.get(key) for line in (then, now)]
-    shown = ["" if value is None else f"{unit * value:#.3g}" for value in values]
-    ratio = f"{values[1] / values[0]:.2f}" if None not in values else ""
+    one, other = then.get(key), now.get(key)
+    shown = ["" if value is None else f"{unit * value:#.3g}" for value in (one, other)]
+    ratio = "" if one is None or other is None else f"{other / one:.2f}"
     return shown[0], shown[1], ratio
 
 

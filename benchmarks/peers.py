@@ -12,6 +12,7 @@ Packages that are not installed (`pip install '.[peers]'`) are named as not meas
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import importlib.util
 import json
 import sys
@@ -104,8 +105,7 @@ def _naive(case: Case) -> Call:
 
 def humanoid() -> Any:
     """MuJoCo's humanoid, whole, in water."""
-    import mujoco
-
+    mujoco = importlib.import_module("mujoco")
     found = importlib.util.find_spec("mujoco.mjx")
     assert found is not None and found.origin is not None
     path = Path(found.origin).parent / "test_data" / "humanoid" / "humanoid.xml"
@@ -118,9 +118,7 @@ def humanoid() -> Any:
 def _mujoco(case: Case) -> Call:
     """A second of MuJoCo in C, one thread, from standing."""
     del case
-    import mujoco
-
-    model = humanoid()
+    mujoco, model = importlib.import_module("mujoco"), humanoid()
     data = mujoco.MjData(model)
     steps = round(1.0 / model.opt.timestep)
 
@@ -135,9 +133,8 @@ def _mjx(case: Case) -> Call:
     """MJX: a batch under vmap, jitted scan."""
     del case
     import jax
-    from mujoco import mjx
 
-    model = humanoid()
+    mjx, model = importlib.import_module("mujoco.mjx"), humanoid()
     timestep = float(model.opt.timestep)
     device = mjx.put_model(model, impl="jax")
     start = mjx.make_data(model, impl="jax")
@@ -153,7 +150,7 @@ def _mjx(case: Case) -> Call:
 PEERS: dict[str, tuple[str, tuple[str, ...], Callable[[Case], Call]]] = {
     "mujoco": ("MuJoCo C, one humanoid", ("mujoco", "mujoco.mjx"), _mujoco),  # the model comes with MJX
     "mjx": (f"MJX, {BATCH} humanoids", ("mujoco", "mujoco.mjx"), _mjx),
-    "vmap": ("own step of one character, vmapped", (), _naive),
+    "vmap": ("own step, one character vmapped", (), _naive),
 }
 
 

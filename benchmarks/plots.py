@@ -48,6 +48,12 @@ def _figure(width: float, height: float, title: str) -> tuple[Any, Any]:
     return figure, axes
 
 
+def _noted(axes: Any, text: str, x: float, y: float) -> None:
+    """A note above a point or a bar, in front of the grid."""
+    back = dict(facecolor="white", edgecolor="none", pad=0.6, alpha=0.85)
+    axes.annotate(text, (x, y), (0, 7), textcoords="offset points", ha="center", fontsize=8.5, color=GREY, bbox=back)
+
+
 def count(_: list[Line], cases: list[Line]) -> Any:
     """µs of a character-frame against the number of people, one device."""
     names = {
@@ -63,12 +69,15 @@ def count(_: list[Line], cases: list[Line]) -> Any:
         spread = [[line["us"] - line["us_min"] for line in each], [line["us_max"] - line["us"] for line in each]]
         axes.errorbar(x, y, yerr=spread, fmt="o-", color=COLOURS[mesh], capsize=3, label=f"{mesh} drag")
         for at, us in zip(x, y, strict=True):
-            axes.annotate(f"{us:#.2g}", (at, us), (6, 6), textcoords="offset points", fontsize=8, color=GREY)
+            _noted(axes, f"{us:.0f}" if us >= 100 else f"{us:.1f}", at, us)
     axes.set_xscale("log")
-    alone = any(line["characters"] == 1 for line in cases)
-    axes.set_yscale("log" if alone else "linear")
-    if not alone:
+    axes.xaxis.set_major_formatter(lambda x, _: f"{x:,.0f}".replace(",", " "))
+    if max(line["us"] for each in found.values() for line in each) > 50:  # of one character, that pays for a tile
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+    else:
         axes.set_ylim(bottom=0)
+    axes.margins(x=0.07, y=0.12)
     axes.set_xlabel("characters")
     axes.set_ylabel("µs per character and frame")
     axes.legend(frameon=False)
@@ -114,9 +123,7 @@ def devices(_: list[Line], cases: list[Line]) -> Any:
             axes.bar(place + 0.38 * k - 0.19, rate, 0.34, color=COLOURS[line["mesh"]], alpha=0.55 + 0.45 * k)
             gain = f"\n{one['us'] / many['us']:.2f} x" if k else ""
             text = f"{line['devices']} core{'s' if k else ''}\n{rate:.0f}{gain}"
-            axes.annotate(
-                text, (place + 0.38 * k - 0.19, rate), (0, 3), textcoords="offset points", ha="center", fontsize=9
-            )
+            _noted(axes, text, place + 0.38 * k - 0.19, rate)
     axes.set_xticks(range(len(bars)), [one["case"] for one, _ in bars])
     axes.set_ylabel("characters")
     axes.grid(axis="x", visible=False)
@@ -134,7 +141,7 @@ def gradients(_: list[Line], cases: list[Line]) -> Any:
         axes.bar(place, line["over_forward"], 0.5, color=COLOURS[line["mesh"]])
         kilobytes = line["temp_bytes_per_character"] / line["gradient_frames"] / 1e3
         text = f"{line['over_forward']:.1f} x\n{kilobytes:.1f} kB a character-frame"
-        axes.annotate(text, (place, line["over_forward"]), (0, 3), textcoords="offset points", ha="center", fontsize=9)
+        _noted(axes, text, place, line["over_forward"])
     names = [f"{line['case'].removesuffix('-gradient')}\n{line['gradient_frames']} frames" for line in shown]
     axes.set_xticks(range(len(shown)), names)
     axes.set_ylabel("times the run without derivatives")
@@ -146,20 +153,18 @@ def gradients(_: list[Line], cases: list[Line]) -> Any:
 
 def roofline(lines: list[Line], _: list[Line]) -> Any:
     """Attained GFLOP/s over intensity, under the peaks of one core."""
-    found = roofs(lines)
+    found = [roof for roof in roofs(lines) if not roof.case.endswith("-1")]  # one character pays for a tile
     if not found:
         return None
     peak, stream = found[0].peak_gflops, found[0].peak_gbytes
-    figure, axes = _figure(9, 5, "Roofline, one core: least work of a frame over its time")
+    figure, axes = _figure(9.5, 5.2, "Roofline, one core: least work of a frame over its time")
     x = [roof.flops / roof.bytes for roof in found]
-    low, high = min(0.5 * min(x), 0.5 * peak / stream), max(2.0 * max(x), 4 * peak / stream)
+    low, high = min(0.6 * min(x), 0.3 * peak / stream), max(2.0 * max(x), 4 * peak / stream)
     axes.plot([low, peak / stream, high], [low * stream, peak, peak], color=GREY, linewidth=1.5)
-    axes.annotate(f"{peak:.0f} GFLOP/s, matrix products", (high, peak), (0, 4), textcoords="offset points", ha="right")
-    at = (low * peak / stream) ** 0.5
-    axes.annotate(
-        f"{stream:.0f} GB/s, streaming", (at, at * stream), (-6, 6), textcoords="offset points", ha="right",
-        va="bottom", fontsize=9,
-    )  # fmt: skip
+    text = dict(textcoords="offset points", fontsize=9, color=GREY)
+    axes.annotate(f"{peak:.0f} GFLOP/s, matrix products", (high, peak), (0, 4), ha="right", **text)
+    at = low**0.6 * (peak / stream) ** 0.4
+    axes.annotate(f"{stream:.0f} GB/s, streaming", (at, at * stream), (10, -4), ha="left", va="top", **text)
     order = sorted(range(len(found)), key=lambda i: -found[i].gflops)
     colours = [f"C{k % 10}" for k in range(len(found))]
     markers = "osD^vP"
@@ -184,11 +189,11 @@ def peers(lines: list[Line], _: list[Line]) -> Any:
     bars += [
         (each["name"].replace(", ", ",\n"), each["us"], each["over_own"]) for each in line["peers"] if "us" in each
     ]
-    figure, axes = _figure(7.5, 4.2, "A character in fluid for a simulated second, one core, one run")
+    figure, axes = _figure(8.5, 4.4, "A character in fluid for a simulated second, one core, one run")
     for place, (_name, us, over) in enumerate(bars):
         axes.bar(place, us, 0.55, color=COLOURS["rigid"] if place == 0 else "#9a9a9a")
         text = f"{us:.0f} µs" + (f"\n{over:.0f} x" if place else "")
-        axes.annotate(text, (place, us), (0, 3), textcoords="offset points", ha="center", fontsize=9)
+        _noted(axes, text, place, us)
     axes.set_yscale("log")
     axes.set_ylim(0.5 * bars[0][1], 4 * max(us for _, us, _ in bars))
     axes.set_xticks(range(len(bars)), [name for name, _, _ in bars])

@@ -101,11 +101,11 @@ def main(
     names: Annotated[bool, typer.Option("--list", help="Print the cases and stop.")] = False,
     platform: Annotated[Platform, typer.Option(help="gpu: cases of its own, on the first one.")] = "cpu",
     out: Annotated[
-        Path | None, typer.Option(help="JSON lines go here; replaces a file [default: one in benchmarks/results]")
+        Path | None, typer.Option(help="JSON lines go here; replaces a file (default: one in benchmarks/results).")
     ] = None,
     compare: Annotated[Path | None, typer.Option(help="An earlier results file: then, now, ratio.")] = None,
     runs: Annotated[int, typer.Option(min=1, help="Timed runs of each case.")] = 7,
-    frames: Annotated[int | None, typer.Option(min=1, help="Frames of each run [default: 60 or more].")] = None,
+    frames: Annotated[int | None, typer.Option(min=1, help="Frames of each run (default: 60 or more).")] = None,
     stages: Annotated[bool, typer.Option(help="Also time the stages of the step.")] = True,
     warm: Annotated[bool, typer.Option(help="Also compile every case again, from the cache.")] = True,
     start: Annotated[bool, typer.Option(help="Also time the start of `crowd run`.")] = True,

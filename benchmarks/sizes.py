@@ -48,7 +48,7 @@ def _skinned(herd: Any, own: Any, character: Any, state: Any, depth: float) -> t
     from kernels.drag_skinned import grouped
 
     height = np.asarray(state.previous[:, 1] + state.position[:, 1:2])  # [tiles, V, n] m
-    wet = (height < depth).any(2)  # [tiles, V]
+    wet = np.any(height < depth, 2)  # [tiles, V]
     groups = grouped(herd.triangles.values)
     real = np.array([(group[0] != group[1]).sum() for group in groups])
     inside = np.stack([wet[:, group].any((1, 2)) for group in groups], 1)  # [tiles, groups]
@@ -66,7 +66,7 @@ def _rigid(herd: Any, own: Any, character: Any, state: Any, depth: float) -> tup
     scale = np.asarray(character.scale)[:, None]
     lowest = sum(u * c for u, c in zip(up, centre, strict=True)) - radius
     height = above + scale * lowest + np.asarray(state.position)[:, 1:2]
-    wet = (height < depth).any(2)  # [tiles, blocks]
+    wet = np.any(height < depth, 2)  # [tiles, blocks]
     groups = groups_of(len(bones))
     inside = wet.reshape(len(wet), groups, -1).any(2)
     real = (np.asarray(mesh.area) != 0).any((0, 3)).sum(1).reshape(groups, -1).sum(1)

@@ -32,15 +32,16 @@ def _walk(jaxpr: Jaxpr, scope: str, times: int, total: Counter[str]) -> None:
     for eqn in jaxpr.eqns:
         own = str(eqn.source_info.name_stack).split("/")[-1] or scope
         name = eqn.primitive.name
-        floats = all(jax.numpy.issubdtype(v.aval.dtype, jax.numpy.floating) for v in eqn.invars[-1:])
+        given: list[Any] = [v.aval for v in eqn.invars]
+        out: Any = eqn.outvars[0].aval
+        floats = bool(given) and jax.numpy.issubdtype(given[-1].dtype, jax.numpy.floating)
         if name in ARITHMETIC and floats:
-            total[own] += times * prod(eqn.outvars[0].aval.shape)
+            total[own] += times * prod(out.shape)
         elif name in SUMS and floats:
-            total[own] += times * prod(eqn.invars[0].aval.shape) * len(eqn.outvars)
+            total[own] += times * prod(given[0].shape) * len(eqn.outvars)
         elif name == "dot_general":
             (contracted, _), _ = eqn.params["dimension_numbers"]
-            length = prod(eqn.invars[0].aval.shape[axis] for axis in contracted)
-            total[own] += times * 2 * length * prod(eqn.outvars[0].aval.shape)
+            total[own] += times * 2 * prod(given[0].shape[axis] for axis in contracted) * prod(out.shape)
         else:
             inner = times * eqn.params.get("length", 1) if name == "scan" else times
             for value in eqn.params.values():
