@@ -95,10 +95,10 @@ CASES = (
 # On a GPU: from where it idles to where it is full.
 GPU_CASES = (
     Case("human-rigid-64", (("human", 64),)),
-    Case("human-rigid-2048", (("human", 2048),)),
+    Case("human-rigid-2048", (("human", 2048),), asked="quick"),
     Case("human-rigid-16384", (("human", 16384),)),
     Case("human-rigid-102400", (("human", 102400),)),
-    Case("human-skinned-2048", (("human", 2048),), mesh="skinned"),
+    Case("human-skinned-2048", (("human", 2048),), mesh="skinned", asked="quick"),
     Case("human-skinned-16384", (("human", 16384),), mesh="skinned"),
     Case("human-skinned-102400", (("human", 102400),), mesh="skinned"),
     Case("human-rigid-strides-16384", (("human", 16384),), gait="semi_procedural"),

@@ -12,6 +12,7 @@ Packages that are not installed (`pip install '.[peers]'`) are named as not meas
 from __future__ import annotations
 
 import dataclasses
+import functools
 import importlib
 import importlib.util
 import json
@@ -32,8 +33,7 @@ from benchmarks.machine import machine, pin
 Line = dict[str, Any]
 Call = tuple[Callable[[], Any], float]  # what is timed, and how many character-seconds it simulates
 CROWD = Case("human-rigid-256", (("human", 256),))
-FRAMES = 60  # of this simulator in a timed call
-NAIVE_FRAMES = 20
+FRAMES = 60  # of our own step in a timed call
 SAME = 1e-4  # m, between positions of the two versions of our step after FRAMES
 WATER = {"density": 1000.0, "viscosity": 1e-3}  # kg/m3, Pa s
 BATCH = 256  # of MJX
@@ -88,19 +88,21 @@ def positions(states: Any) -> Any:
     return np.moveaxis(place, 1, -1).reshape(-1, 3)
 
 
-def farthest(case: Case, frames: int) -> float:
-    """m between positions of the product and of the version for one character, after `frames`: the most."""
-    import numpy as np
-
-    own, naive = (positions(stepped(program, frames)()) for program in programs(case))
-    return float(np.abs(own[: case.count] - naive).max())
+@functools.cache
+def _own(case: Case) -> Call:
+    """This simulator as it is."""
+    return stepped(programs(case)[0], FRAMES), case.count * FRAMES / RATE
 
 
 def _naive(case: Case) -> Call:
     """Our step of one character under vmap. Raises RuntimeError where it is not the same step."""
-    if not (apart := farthest(case, FRAMES)) < SAME:
+    import numpy as np
+
+    alone = stepped(programs(case)[1], FRAMES)
+    own = positions(_own(case)[0]())[: case.count]
+    if not (apart := float(np.abs(own - positions(alone())).max())) < SAME:
         raise RuntimeError(f"its positions differ from ours by {apart:.2g} m after {FRAMES} frames")
-    return stepped(programs(case)[1], NAIVE_FRAMES), case.count * NAIVE_FRAMES / RATE
+    return alone, case.count * FRAMES / RATE
 
 
 def humanoid() -> Any:
@@ -156,7 +158,6 @@ PEERS: dict[str, tuple[str, tuple[str, ...], Callable[[Case], Call]]] = {
 
 def measure(rounds: int, only: list[str] | None = None, case: Case = CROWD) -> Line:
     """µs of a character and simulated second of everything installed, each in turns with this simulator's own."""
-    own: Call | None = None
     line: Line = {"kind": "peers", "peers": []}
     ours: list[float] = []
     for key, (name, packages, prepare) in PEERS.items():
@@ -170,7 +171,7 @@ def measure(rounds: int, only: list[str] | None = None, case: Case = CROWD) -> L
         except Exception as error:  # a peer that fails on this machine must not lose the others
             line["peers"].append({"name": name, "not_measured": f"{type(error).__name__}: {error}"})
             continue
-        own = own or (stepped(programs(case)[0], FRAMES), case.count * FRAMES / RATE)
+        own = _own(case)
         wall, _ = in_turns([own[0], call[0]], rounds)
         here, there = ([1e6 * each[k] / seconds for each in wall] for k, seconds in ((0, own[1]), (1, call[1])))
         ours += here

@@ -192,12 +192,13 @@ def counted(line: Line) -> dict[str, tuple[float, float]] | None:
     herds = [Sizes(**each) for each in line["sizes"]]
     for herd in herds:
         share = herd.count / sum(each.count for each in herds)
-        work, bytes_ = flops(herd, line["mesh"], line["gait"]), moved(herd, line["mesh"])
+        work, size = flops(herd, line["mesh"], line["gait"]), moved(herd, line["mesh"])
         if not line["water"]:
             work |= dict.fromkeys(("skin", "drag"), 0.0)
+            size["drag"] = 0.0
         for stage in work:
             before = total.get(stage, (0.0, 0.0))
-            total[stage] = before[0] + share * work[stage], before[1] + share * bytes_.get(stage, 0.0)
+            total[stage] = before[0] + share * work[stage], before[1] + share * size.get(stage, 0.0)
     return total
 
 
