@@ -19,6 +19,7 @@ from benchmarks.measure import Job, frames_for
 from benchmarks.run import chosen, main, run_case
 from benchmarks.stages import LOOPS, STAGES, Event, instruction_stages, own_times, stage_of
 from benchmarks.start import first_frames
+from benchmarks.table import told
 from crowd.build import build
 from crowd.layout import TILE
 from crowd.scenario import load
@@ -235,6 +236,14 @@ def test_tiny_case_from_end_to_end(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     share = line["stage_share"]
     assert set(share) <= {*STAGES, LOOPS} and {"body", "gait", "pose", "feet"} <= set(share)
     assert sum(share.values()) == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_recording_is_held_against_a_run_without() -> None:
+    few = Case("few-recorded", (("hexapod", 2),), depth=0, recorded=True)
+    line = run_case(Job(few, frames=70, runs=1))
+    assert "error" not in line and line["us"] > 0 and line["us_off"] > 0 and line["disk_bytes_per_character"] > 0
+    assert line["over_off"] == pytest.approx(line["us"] / line["us_off"], rel=0.01)
+    assert "times a run without" in told(line)
 
 
 def test_cost_of_recording_is_the_median_of_ratios_within_a_round() -> None:
