@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
@@ -98,7 +99,7 @@ def main(
     now: Annotated[Path, typer.Argument(help="A later one.")],
 ) -> None:
     """Compare two files of results."""
-    show(read(earlier), read(now), Console())
+    show(read(earlier), read(now), Console() if sys.stdout.isatty() else Console(width=160))
 
 
 if __name__ == "__main__":

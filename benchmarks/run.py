@@ -89,7 +89,7 @@ def chosen(names: list[str], quick: bool, platform: Platform = "cpu", every: boo
     known = [case.name for case in cases]
     for name in names:
         if name not in known:
-            raise typer.BadParameter(f"there is no case '{name}'{nearest(name, known)}; --list names them")
+            raise typer.BadParameter(f"there is no case '{name}'{nearest(name, known)}; --list --all names them")
     sets = ("quick",) if quick else ("quick", "usual", "all") if every else () if names else ("quick", "usual")
     return [case for case in cases if case.name in names or case.asked in sets]
 

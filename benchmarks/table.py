@@ -125,8 +125,8 @@ def _stages(lines: list[Line]) -> Table:
 
 def _roofs(found: list[Roof]) -> Table:
     """What cases compute and move against the machine's peaks."""
-    peaks = f"{found[0].peak_gflops:.0f} GFLOP/s and {found[0].peak_gbytes:.0f} GB/s"
-    table = Table(title=f"Roofline: least work of a character-frame against {peaks} of one core")
+    peaks = f"of one core: {found[0].peak_gflops:.0f} GFLOP/s, {found[0].peak_gbytes:.0f} GB/s"
+    table = Table(title="Least work of a character-frame, and its limit", caption=f"Peaks {peaks}")
     table.add_column("case", no_wrap=True)
     for name in ("kflop", "bytes", "GFLOP/s", "GB/s", "limit µs", "of limit"):
         table.add_column(name, justify="right", no_wrap=True)
