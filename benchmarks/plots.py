@@ -174,6 +174,10 @@ def roofline(lines: list[Line], _: list[Line]) -> Any:
         axes.plot(x[i], roof.gflops, markers[k // 10 % 6], color=colours[k], markersize=7, label=label)
     axes.set_xscale("log")
     axes.set_yscale("log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:g}"[0] in "25" else "")
+        axis.set_tick_params(which="minor", labelsize=8)
     axes.set_xlabel("flops per byte that must cross to memory")
     axes.set_ylabel("GFLOP/s")
     axes.legend(frameon=False, fontsize=7.5, loc="center left", bbox_to_anchor=(1.0, 0.5), title="case: of its limit")
