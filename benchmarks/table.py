@@ -55,7 +55,8 @@ def show(lines: list[Line], figures: list[Figure], console: Console) -> None:
         if line["kind"] == "peers" and "error" not in line:
             show_peers(line, console)
     if figures:
-        console.print(_figures(figures))
+        doubtful = any(busy(line) for line in timed)
+        console.print(_figures(figures, "Figures (the machine was busy: not reliable)" if doubtful else "Figures"))
 
 
 def busy(line: Line) -> bool:
@@ -143,8 +144,8 @@ def _roofs(found: list[Roof]) -> Table:
     return table
 
 
-def _figures(figures: list[Figure]) -> Table:
-    table = Table(title="Figures")
+def _figures(figures: list[Figure], title: str) -> Table:
+    table = Table(title=title)
     table.add_column("figure")
     table.add_column("measured", justify="right", no_wrap=True)
     table.add_column("promised", justify="right", no_wrap=True)

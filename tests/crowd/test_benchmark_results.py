@@ -17,8 +17,9 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import crowd
-from benchmarks import compare, peers, plots, roofline
+from benchmarks import compare, peers, plots, roofline, table
 from benchmarks.cases import Case, scenario
+from benchmarks.figures import figures
 from benchmarks.peaks import measure
 from benchmarks.run import main
 from benchmarks.sizes import sizes_of
@@ -57,6 +58,13 @@ def test_comparison_has_the_cases_of_both() -> None:
     ]
     assert "differ" not in text
     assert "no case is in both" in printed(compare.show, then, [line("c", 1.0)])
+
+
+def test_figures_of_a_busy_machine_are_doubted() -> None:
+    more = {"trace_s": 1.0, "compile_cpu_s": 5.0, "peak_rss_bytes": 1e9, "pinned_cores": [1]}
+    for cpu, doubted in ((3.0, False), (2.0, True)):
+        measured = [line("human-rigid-2048", 3.1, us_cpu=cpu, **more)]
+        assert ("busy: not reliable" in printed(table.show, measured, figures(measured))) == doubted
 
 
 def test_other_machines_are_told() -> None:
