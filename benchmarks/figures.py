@@ -7,9 +7,18 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from benchmarks.cases import CASES, Case
+from benchmarks.cases import CASES, RATE, Case
 
 Line = dict[str, Any]
+Cases = dict[str, Line]  # by name
+Us = Callable[[str], float | None]  # of a case, by its name
+
+RECORDED = "human-rigid-2048-recorded"
+FOUR = "human-dog-hexapod-spider-rigid-2048"
+# Stages (benchmarks.stages) that move bodies by the pictures' mathematics: clips and forward kinematics are in `pose`,
+# inverse kinematics in `feet` and `arms`. The rest senses, steers, adds forces, moves the abstract body, plans steps,
+# records, and loops over tiles and frames.
+MATHS = ("pose", "feet", "arms", "skin", "drag")
 
 
 @dataclass(frozen=True)
@@ -46,28 +55,88 @@ def figures(lines: Iterable[Line]) -> list[Figure]:
     def us(name: str) -> float | None:
         return case.get(name, {}).get("us")
 
-    found = [
-        Figure("human, rigid, in water, N = 2048, one core", "µs", us("human-rigid-2048"), "<=", 5.0),
-        Figure("human, skinned, in water, N = 2048, one core", "µs", us("human-skinned-2048"), "<=", 12.0),
+    return [
+        *_costs(us),
+        *_devices(us),
+        *_herd_sizes(us),
+        *_mixtures(us),
+        *_programs(case),
+        *_derivatives(case),
+        Figure("recording full poses of every frame, 2048 people", "x", _of(case, RECORDED, "over_off"), "<=", 1.15),
+        Figure("warm start of `crowd run` to its first frames", "s", start.get("warm_s"), "<=", 5.0),
+        *_peers(next((line for line in lines if line["kind"] == "peers"), {})),
     ]
-    for mesh in ("rigid", "skinned"):
-        gain = _ratio(us(f"human-{mesh}-2048"), us(f"human-{mesh}-2048-2dev"))
-        found.append(Figure(f"2 devices against 1, {mesh}", "x", gain, ">=", 1.6))
-    found.append(
-        Figure("compile of two archetypes, no cache, one core", "s", _compile(case, "human-dog-rigid-2048"), "<=", 12.0)
-    )
-    found.append(Figure("warm start of `crowd run` to its first frames", "s", start.get("warm_s"), "<=", 5.0))
-    for name in ("human-dog-rigid-2048", "human-dog-hexapod-rigid-2048"):
-        found.append(Figure(f"{name} against its herds alone", "x", _mixed(us, name), "<=", 1.2))
-    for name, legs, limit in (("human", "two", 1.2), ("dog", "four", 2.0)):
-        added = _less(us(f"{name}-strides-2048"), us(f"{name}-clip-2048"))
-        found.append(Figure(f"semi-procedural gait on {legs} legs, over the plain clip", "µs", added, "<=", limit))
-    for few, many in (("human-rigid-64", "human-rigid-2048"), ("human-rigid-16384", "human-rigid-2048")):
-        found.append(Figure(f"per character, {few} against {many}", "x", _ratio(us(few), us(many))))
-    for name in ("human-rigid-64", "human-rigid-256", "human-skinned-64"):
-        times = case.get(f"{name}-gradient", {}).get("over_forward")
-        found.append(Figure(f"gradient of 120 frames over the run, {name}", "x", times, "<=", 12.0))
     return found
+
+
+def _costs(us: Us) -> Iterable[Figure]:
+    """What a character-frame takes on one core."""
+    yield Figure("human, rigid, in water, N = 2048, one core", "µs", us("human-rigid-2048"), "<=", 3.2)
+    yield Figure("human, skinned, in water, N = 2048, one core", "µs", us("human-skinned-2048"), "<=", 8.0)
+    for name in ("dog", "hexapod", "spider"):
+        ratio = _ratio(us(f"{name}-rigid-2048"), us("human-rigid-2048"))
+        yield Figure(f"{name} against human, rigid", "x", ratio, "<=", 1.6)
+    for name, legs, limit in (("human", "two", 1.2), ("dog", "four", 2.0)):
+        added = _less(us(f"{name}-rubble-strides-2048"), us(f"{name}-rubble-clip-2048"))
+        yield Figure(f"semi-procedural gait on {legs} legs, over the plain clip", "µs", added, "<=", limit)
+
+
+def _devices(us: Us) -> Iterable[Figure]:
+    """Two cores: how much faster, and how many characters that makes."""
+    for mesh, limit in (("rigid", 8500), ("skinned", 3500)):
+        both = us(f"human-{mesh}-2048-2dev")
+        yield Figure(f"2 devices against 1, {mesh}", "x", _ratio(us(f"human-{mesh}-2048"), both), ">=", 1.7)
+        yield Figure(f"{mesh} at 60 Hz in real time, two cores", "characters", _ratio(1e6 / RATE, both), ">=", limit)
+
+
+def _herd_sizes(us: Us) -> Iterable[Figure]:
+    """Cost of a character in small and large herds."""
+    for count, limit in ((64, 1.4), (16384, 1.25), (100000, 1.4)):
+        ratio = _ratio(us(f"human-rigid-{count}"), us("human-rigid-2048"))
+        yield Figure(f"per character, human-rigid-{count} against 2048", "x", ratio, "<=", limit)
+
+
+def _mixtures(us: Us) -> Iterable[Figure]:
+    for name in ("human-dog-rigid-2048", FOUR):
+        yield Figure(f"{name} against its herds alone", "x", _mixed(us, name), "<=", 1.15)
+
+
+def _programs(case: Cases) -> Iterable[Figure]:
+    """Compiling, memory, and where the time goes. Tracing has a column of its own in the table."""
+    one = "human-rigid-2048"
+    yield Figure("compile of one archetype, no cache, one core", "s", _of(case, one, "compile_cold_s"), "<=", 5.0)
+    yield Figure("compile of four archetypes, no cache, one core", "s", _of(case, FOUR, "compile_cold_s"), "<=", 15.0)
+    yield Figure("compile of one archetype from the cache", "s", _of(case, one, "compile_warm_s"), "<=", 2.0)
+    temporaries = _of(case, one, "temp_bytes_per_character", 1e-3)
+    yield Figure(f"temporaries of a character, {one}", "kB", temporaries, "<=", 3.0)
+    peak = _of(case, "human-rigid-16384", "peak_rss_bytes", 1e-9)
+    yield Figure("peak memory, human-rigid-16384", "GB", peak, "<=", 1.2)
+    share = case.get(one, {}).get("stage_share")
+    rest = 100 * (1 - sum(share.get(name, 0.0) for name in MATHS)) if share else None
+    yield Figure(f"all but clip, FK, IK, skin and drag, {one}", "%", rest, "<=", 40.0)
+
+
+def _derivatives(case: Cases) -> Iterable[Figure]:
+    """Gradients of a run by every parameter."""
+    for name, limit in (("human-rigid-64", 6.0), ("human-rigid-256", 8.0), ("human-skinned-64", None)):
+        line = case.get(f"{name}-gradient", {})
+        times, held = line.get("over_forward"), line.get("temp_bytes_per_character")
+        yield Figure(f"gradient of 120 frames over the run, {name}", "x", times, "<=" if limit else None, limit)
+        if limit:
+            kilobytes = None if held is None else 1e-3 * held / line["gradient_frames"]
+            yield Figure(f"temporaries of a character-frame, {name}-gradient", "kB", kilobytes, "<=", 2.0)
+
+
+def _peers(line: Line) -> Iterable[Figure]:
+    """What others take for a character and simulated second, over what this simulator takes."""
+    limits = (("mujoco", "MuJoCo C", 30.0), ("mjx", "MJX", 40.0), ("vmap", "one character vmapped", 10.0))
+    for key, name, limit in limits:
+        yield Figure(f"{name} over this simulator, one core", "x", line.get(f"{key}_over_own"), ">=", limit)
+
+
+def _of(case: Cases, name: str, key: str, unit: float = 1.0) -> float | None:
+    value = case.get(name, {}).get(key)
+    return None if value is None else unit * value
 
 
 def _ratio(above: float | None, below: float | None) -> float | None:
@@ -78,13 +147,7 @@ def _less(whole: float | None, part: float | None) -> float | None:
     return None if whole is None or part is None else whole - part
 
 
-def _compile(case: dict[str, Line], name: str) -> float | None:
-    """Seconds from traced program to executable without a cache; tracing has a column of its own."""
-    line = case.get(name)
-    return None if line is None else line["compile_cold_s"]
-
-
-def _mixed(us: Callable[[str], float | None], name: str) -> float | None:
+def _mixed(us: Us, name: str) -> float | None:
     """Cost of a mixed crowd against the mean of its herds alone, weighted with their characters."""
     together = us(name)
     mixed = next(case for case in CASES if case.name == name)

@@ -46,7 +46,7 @@ def measured(case: Case, runs: int) -> dict[str, Any]:
     forward = jax.jit(loss).lower(roll.params, roll.start).compile()
     if not all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(backward(roll.params, roll.start)[1]) if leaf.size):
         raise SystemExit("the gradient is not finite")
-    wall, used = _in_turns([lambda: forward(roll.params, roll.start), lambda: backward(roll.params, roll.start)], runs)
+    wall, used = in_turns([lambda: forward(roll.params, roll.start), lambda: backward(roll.params, roll.start)], runs)
     per = 1e6 / (case.gradient * case.count)
     median = np.median(np.array(wall), 0)
     return line | {
@@ -61,7 +61,7 @@ def measured(case: Case, runs: int) -> dict[str, Any]:
     }
 
 
-def _in_turns(calls: list[Callable[[], Any]], runs: int) -> tuple[list[list[float]], list[list[float]]]:
+def in_turns(calls: list[Callable[[], Any]], runs: int) -> tuple[list[list[float]], list[list[float]]]:
     """Seconds of wall time and of processor of every call, `runs` times one after the other, the first time untimed."""
     import jax
 

@@ -71,13 +71,18 @@ def measure(job: Job) -> dict[str, Any]:
         line = measured(job.case, job.runs)
         return line | {"pinned_cores": pinned, "peak_rss_bytes": peak_memory()}
     frames = job.frames or frames_for(job.case.count)
-    program, line = _compiled(job, frames)
+    layout, program, line = _compiled(job, frames)
     line |= {"pinned_cores": pinned, "device": jax.devices()[0].device_kind}
     if not job.runs:
         return line
     executable = program[0][0]
     arguments, samples = _timed(program, job, frames)
     line |= samples | {"peak_rss_bytes": peak_memory()}
+    if job.platform == "cpu":
+        from benchmarks.sizes import sizes_of
+
+        sizes = sizes_of((layout, *arguments[:3]), job.case.herds, job.case.depth)
+        line["sizes"] = [asdict(each) for each in sizes]  # wet triangles: in the tiles of the first device
     if (held := jax.devices()[0].memory_stats()) is not None:  # processors do not say
         line["peak_device_bytes"] = held["peak_bytes_in_use"]
     if job.profile:
@@ -88,8 +93,8 @@ def measure(job: Job) -> dict[str, Any]:
     return line
 
 
-def _compiled(job: Job, frames: int) -> tuple[Any, dict[str, Any]]:
-    """([(executable, assets, params, states) of each device], seconds and bytes of the compiled program)."""
+def _compiled(job: Job, frames: int) -> tuple[Any, Any, dict[str, Any]]:
+    """(layout, [(executable, assets, params, states) of each device], seconds and bytes of the compiled program)."""
     from crowd.build import build
     from crowd.scene import load
     from crowd.simulate import compiled, dealt
@@ -115,7 +120,7 @@ def _compiled(job: Job, frames: int) -> tuple[Any, dict[str, Any]]:
         per = job.case.devices / job.case.count  # the program of one device
         line["temp_bytes_per_character"] = round(memory.temp_size_in_bytes * per, 1)
         line["argument_bytes_per_character"] = round(memory.argument_size_in_bytes * per, 1)
-    return [(one, *share) for one, share in zip(executables, shares, strict=True)], line
+    return program[0], [(one, *share) for one, share in zip(executables, shares, strict=True)], line
 
 
 def _left(share: Any, frames: int) -> Any:

@@ -1,4 +1,4 @@
-"""What recording costs: `python -m benchmarks.record`.
+"""What recording costs: `python -m benchmarks.record`; cases that are `recorded` in `crowd bench`.
 
 The same crowd is stepped without and with a recording, each in a process of its own, one after the other in several
 rounds. What is compared is the time from the first chunk to the end of the last write; compiling and opening the
@@ -22,12 +22,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.cases import Case, scenario
+from benchmarks.cases import RATE, Case, scenario
 from benchmarks.machine import ROOT, cores, machine, peak_memory, pin
 
 Line = dict[str, Any]
 CROWD = Case("record", (("human", 2048),), gait="semi_procedural")
-RATE = 30  # Hz, recorded
+RECORDED = 30  # Hz
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,11 @@ class Mode:
     name: str
     pose: bool
     written: bool
+    rate: int = RECORDED  # Hz of frames that leave the device, and are recorded
 
+
+# of a case: full poses of every frame against a run like those of other cases
+OFF, ON = Mode("off", False, False, 1), Mode("on", True, True, RATE)
 
 MODES = (
     Mode("not recorded", False, False),
@@ -64,8 +68,8 @@ MODES = (
 )
 
 
-def measure(place: Place, mode: Mode, frames: int, folder: Path) -> Line:
-    """Steps the crowd in this process, which must be fresh, and returns what it took."""
+def measure(place: Place, mode: Mode, frames: int, folder: Path, crowd: Case = CROWD) -> Line:
+    """Steps the crowd in this process, which must be fresh, and returns what it took after the first chunk."""
     if place.cores:
         pin(place.cores)
     import jax
@@ -78,15 +82,15 @@ def measure(place: Place, mode: Mode, frames: int, folder: Path) -> Line:
     from crowd.recording import Recorder
     from crowd.recording_thread import Writing
     from crowd.scene import load
-    from crowd.simulate import stream
+    from crowd.simulate import CHUNK, stream
 
     compile_cache.enable()
-    scene = load(scenario(CROWD) | {"record": {"rate_hz": RATE, "pose": mode.pose}})
+    scene = load(scenario(crowd) | {"record": {"rate_hz": mode.rate, "pose": mode.pose}})
     program = build(scene, place.devices)
     spent = _watched()
-    size, recorded = 0, 0
+    size, recorded, stepped = 0, 0, 0
     path = folder / "recording.zarr"
-    chunks = stream(scene, frames, place.devices, program=program)
+    chunks = stream(scene, frames, place.devices, max(1, min(CHUNK, mode.rate)), program)
     first = next(chunks)
     before = dict(spent)
     began, used = time.perf_counter(), time.process_time()
@@ -97,12 +101,12 @@ def measure(place: Place, mode: Mode, frames: int, folder: Path) -> Line:
                 writing.append(first)
                 for chunk in chunks:
                     writing.append(chunk)
-                    recorded += len(chunk.time)
+                    recorded, stepped = recorded + len(chunk.time), stepped + chunk.frames
             ended, processor = time.perf_counter(), time.process_time()
         size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
     else:
         for chunk in chunks:
-            recorded += len(chunk.time)
+            recorded, stepped = recorded + len(chunk.time), stepped + chunk.frames
         ended, processor = time.perf_counter(), time.process_time()
     raw = sum(array.nbytes for arrays in first.herds.values() for array in arrays.values()) / len(first.time)
     return {
@@ -110,6 +114,7 @@ def measure(place: Place, mode: Mode, frames: int, folder: Path) -> Line:
         "cpu_s": processor - used,
         "close_s": time.perf_counter() - ended,
         "recorded": recorded,
+        "stepped": stepped,
         "raw_bytes": raw,
         "bytes": size / (recorded + len(first.time)),
         "spent": {name: spent[name] - before[name] for name in spent},
@@ -142,12 +147,41 @@ def _watched() -> dict[str, float]:
     return spent
 
 
-def _process(place: Place, mode: Mode, frames: int) -> Line:
-    job = json.dumps({"place": asdict(place), "mode": asdict(mode), "frames": frames})
+def compared(crowd: Case, rounds: int, frames: int = 640) -> Line:
+    """`us` of a character-frame that is recorded, and `over_off`: times a run that records nothing, within a round.
+
+    The crowd has the case's devices, and one core more for the threads of the recording where there is one.
+    """
+    place = Place(crowd.name, crowd.devices, min(crowd.devices + 1, len(cores())))
+    orders = [(OFF, ON)[:: 1 if number % 2 else -1] for number in range(rounds)]
+    done = [{mode.name: _process(place, mode, frames, crowd) for mode in order} for order in orders]
+    us = [[1e6 * each[name]["wall_s"] / each[name]["stepped"] / crowd.count for each in done] for name in ("on", "off")]
+    return {
+        "frames": frames,
+        "runs": rounds,
+        "us": round(median(us[0]), 4),
+        "us_min": round(min(us[0]), 4),
+        "us_max": round(max(us[0]), 4),
+        "us_off": round(median(us[1]), 4),
+        "over_off": round(median(on / off for on, off in zip(*us, strict=True)), 3),
+        "over_off_cpu": round(median(_cpu(each["on"]) / _cpu(each["off"]) for each in done), 3),
+        "disk_bytes_per_character": round(median(each["on"]["bytes"] for each in done) / crowd.count, 1),
+        "peak_rss_bytes": max(each["on"]["peak_rss"] for each in done),
+        "recording_cores": place.cores,
+    }
+
+
+def _cpu(line: Line) -> float:
+    """Seconds of processor of a step."""
+    return line["cpu_s"] / line["stepped"]
+
+
+def _process(place: Place, mode: Mode, frames: int, crowd: Case = CROWD) -> Line:
+    job = json.dumps({"place": asdict(place), "mode": asdict(mode), "frames": frames, "crowd": asdict(crowd)})
     command = [sys.executable, "-m", "benchmarks.record", "--job", job]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=os.environ, check=False)
     if done.returncode:
-        raise SystemExit(done.stderr)
+        raise subprocess.CalledProcessError(done.returncode, command, done.stdout, done.stderr)
     return json.loads(done.stdout.splitlines()[-1])
 
 
@@ -189,7 +223,8 @@ def main(
     with tempfile.TemporaryDirectory(prefix="crowd-record-", dir=folder) as out:
         if job:
             read = json.loads(job)
-            print(json.dumps(measure(Place(**read["place"]), Mode(**read["mode"]), read["frames"], Path(out))))
+            place_, mode = Place(**read["place"]), Mode(**read["mode"])
+            print(json.dumps(measure(place_, mode, read["frames"], Path(out), Case(**read["crowd"]))))
             return
     console = Console() if sys.stdout.isatty() else Console(width=160)
     here = machine()
@@ -198,11 +233,14 @@ def main(
         if one.name in place if place else 0 < one.cores <= len(cores()):
             # every other round backwards: a machine that slows down while it works favours who comes first
             orders = [MODES[:: 1 if number % 2 else -1] for number in range(rounds)]
-            done = [{mode.name: _process(one, mode, frames) for mode in order} for order in orders]
+            try:
+                done = [{mode.name: _process(one, mode, frames) for mode in order} for order in orders]
+            except subprocess.CalledProcessError as error:
+                raise SystemExit(error.stderr) from None
             show(one, done, console)
     console.print(
-        f"Milliseconds of a recorded frame, {RATE} a second, of two steps. processor: ratio of the time of all cores. "
-        "on host: processor time of what the recording does there."
+        f"Milliseconds of a recorded frame, {RECORDED} a second, of two steps. processor: ratio of the time of all "
+        "cores. on host: processor time of what the recording does there."
     )
 
 

@@ -8,14 +8,34 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.figures import Figure
+from benchmarks.peers import show as show_peers
+from benchmarks.roofline import Roof, roofs
 from benchmarks.stages import LOOPS, STAGES
 
 Line = dict[str, Any]
 BUSY = 1.15  # wall time over processor time
 
 
+def told(line: Line) -> str:
+    """A line of progress."""
+    name = line.get("case", {"start": "start of crowd run"}.get(line["kind"], line["kind"]))
+    if "error" in line:
+        return f"{name}: {line['error']}"
+    if line["kind"] == "start":
+        warm = f"{line['warm_s']:.1f} s ({line['warm_cpu_s']:.1f} s of processor)"
+        return f"{name}: {line['cold_s']:.1f} s, with a warm cache {warm}"
+    if line["kind"] == "peaks":
+        return f"{name}: {line['gflops']:.0f} GFLOP/s, {line['gbytes']:.0f} GB/s, one core"
+    if line["kind"] == "peers":
+        return f"{name}: measured {', '.join(each['name'] for each in line['peers'] if 'us' in each)}"
+    if "over_off" in line:
+        return f"{name}: {line['us']:.4g} µs, {line['over_off']:.3f} times a run without"
+    compiled = f"{line['compile_cold_s']:.1f} s ({line['compile_cpu_s']:.1f} s of processor)"
+    return f"{name}: {line['us']:.4g} µs, compiled in {compiled}"
+
+
 def show(lines: list[Line], figures: list[Figure], console: Console) -> None:
-    """Prints cases, stages and figures."""
+    """Prints cases, stages, limits, peers and figures."""
     timed = [line for line in lines if line["kind"] == "case" and "us" in line]
     if timed:
         console.print(_cases(timed))
@@ -29,13 +49,19 @@ def show(lines: list[Line], figures: list[Figure], console: Console) -> None:
             )
     if any(line.get("stage_share") for line in timed):
         console.print(_stages(timed))
+    if found := roofs(lines):
+        console.print(_roofs(found))
+    for line in lines:
+        if line["kind"] == "peers" and "error" not in line:
+            show_peers(line, console)
     if figures:
-        console.print(_figures(figures))
+        doubtful = any(busy(line) for line in timed)
+        console.print(_figures(figures, "Figures (the machine was busy: not reliable)" if doubtful else "Figures"))
 
 
 def busy(line: Line) -> bool:
     """Whether something else had the cores of a measurement."""
-    return bool(line["pinned_cores"]) and line["us"] * line["devices"] > BUSY * line["us_cpu"]
+    return bool(line.get("pinned_cores")) and line["us"] * line["devices"] > BUSY * line["us_cpu"]
 
 
 def _cases(lines: list[Line]) -> Table:
@@ -58,15 +84,20 @@ def _cases(lines: list[Line]) -> Table:
             line["case"] + (" *" if busy(line) else ""),
             f"{line['us']:#.3g}",
             f"{line['us_min']:#.3g} to {line['us_max']:#.3g}",
-            f"{line['us_cpu']:.2f}",
-            f"{line['trace_s']:.1f}",
-            f"{line['compile_cold_s']:.1f}",
-            f"{line['compile_cpu_s']:.1f}",
+            _shown(line, "us_cpu", 2),
+            _shown(line, "trace_s", 1),
+            _shown(line, "compile_cold_s", 1),
+            _shown(line, "compile_cpu_s", 1),
             _cached(line),
-            f"{line['temp_bytes_per_character']:.0f}" if "temp_bytes_per_character" in line else "",
+            _shown(line, "temp_bytes_per_character", 0),
             f"{line.get('peak_device_bytes', line['peak_rss_bytes']) / 1e6:.0f}",
         )
     return table
+
+
+def _shown(line: Line, key: str, digits: int) -> str:
+    """A number of a line; nothing where it has none (recordings are not compiled for themselves)."""
+    return f"{line[key]:.{digits}f}" if key in line else ""
 
 
 def _cached(line: Line) -> str:
@@ -93,8 +124,28 @@ def _stages(lines: list[Line]) -> Table:
     return table
 
 
-def _figures(figures: list[Figure]) -> Table:
-    table = Table(title="Figures")
+def _roofs(found: list[Roof]) -> Table:
+    """What cases compute and move against the machine's peaks."""
+    peaks = f"of one core: {found[0].peak_gflops:.0f} GFLOP/s, {found[0].peak_gbytes:.0f} GB/s"
+    table = Table(title="Least work of a character-frame, and its limit", caption=f"Peaks {peaks}")
+    table.add_column("case", no_wrap=True)
+    for name in ("kflop", "bytes", "GFLOP/s", "GB/s", "limit µs", "of limit"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for roof in found:
+        table.add_row(
+            roof.case,
+            f"{roof.flops / 1e3:.1f}",
+            f"{roof.bytes:.0f}",
+            f"{roof.gflops:.1f}",
+            f"{roof.gbytes:.2f}",
+            f"{roof.limit_us:.2f}",
+            f"{100 * roof.share:.0f} %",
+        )
+    return table
+
+
+def _figures(figures: list[Figure], title: str) -> Table:
+    table = Table(title=title)
     table.add_column("figure")
     table.add_column("measured", justify="right", no_wrap=True)
     table.add_column("promised", justify="right", no_wrap=True)
