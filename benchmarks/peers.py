@@ -69,13 +69,13 @@ def stepped(program: Any, frames: int) -> Callable[[], Any]:
 
     layout, assets, params, states = program
 
-    def run(assets: Any, params: Any, states: Any, flag: Any) -> Any:
+    def run(assets: Any, params: Any, states: Any) -> Any:
         def frame(states: Any, _: Any) -> tuple[Any, None]:
-            return one_frame(layout, assets, params, states, flag)[0], None
+            return one_frame(layout, assets, params, states)[0], None
 
         return jax.lax.scan(frame, states, None, length=frames)[0]
 
-    given = assets, params, states, jax.numpy.asarray(True)
+    given = assets, params, states
     executable = jax.jit(run).lower(*given).compile()
     return lambda: executable(*given)
 

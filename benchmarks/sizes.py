@@ -43,7 +43,7 @@ def sizes_of(program: Any, counts: tuple[tuple[str, int], ...], depth: float) ->
 
 
 def _skinned(herd: Any, own: Any, character: Any, state: Any, depth: float) -> tuple[float, float]:
-    """(triangles, 0) of groups with a vertex under the surface on some character, mean over tiles."""
+    """(triangles, 0) of groups up to the last with a vertex under the surface on some character, mean over tiles."""
     del own, character
     from kernels.drag_skinned import grouped
 
@@ -51,12 +51,12 @@ def _skinned(herd: Any, own: Any, character: Any, state: Any, depth: float) -> t
     wet = np.any(height < depth, 2)  # [tiles, V]
     groups = grouped(herd.triangles.values)
     real = np.array([(group[0] != group[1]).sum() for group in groups])
-    inside = np.stack([wet[:, group].any((1, 2)) for group in groups], 1)  # [tiles, groups]
+    inside = _up_to_last(np.stack([wet[:, group].any((1, 2)) for group in groups], 1))
     return float((inside * real).sum(1).mean()), 0.0
 
 
 def _rigid(herd: Any, own: Any, character: Any, state: Any, depth: float) -> tuple[float, float]:
-    """(triangles, blocks) of groups with a block whose sphere is under the surface on some character."""
+    """(triangles, blocks) of groups up to the last with a block whose sphere is under the surface on some character."""
     from kernels.drag_rigid import groups_of
 
     bones, mesh = herd.block_bones.values, own.rigid_mesh
@@ -68,6 +68,11 @@ def _rigid(herd: Any, own: Any, character: Any, state: Any, depth: float) -> tup
     height = above + scale * lowest + np.asarray(state.position)[:, 1:2]
     wet = np.any(height < depth, 2)  # [tiles, blocks]
     groups = groups_of(len(bones))
-    inside = wet.reshape(len(wet), groups, -1).any(2)
+    inside = _up_to_last(wet.reshape(len(wet), groups, -1).any(2))
     real = (np.asarray(mesh.area) != 0).any((0, 3)).sum(1).reshape(groups, -1).sum(1)
     return float((inside * real).sum(1).mean()), float(inside.sum(1).mean() * len(bones) / groups)
+
+
+def _up_to_last(wet: np.ndarray) -> np.ndarray:
+    """[tiles, groups] whether a group goes through: all do up to the last that is wet."""
+    return np.logical_or.accumulate(wet[:, ::-1], 1)[:, ::-1]

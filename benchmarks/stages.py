@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 STAGES = ("sense", "steer", "forces", "body", "gait", "pose", "feet", "arms", "skin", "drag", "record")
-CALLS = ("closed_call", "eval_jaxpr")  # what JAX calls the body of a loop, by version
 LOOPS = "loops"  # scanning over frames, mapping over tiles, moving states in and out of them
 
 _INSTRUCTION = re.compile(r"^\s+(?:ROOT )?%?(?P<name>[\w.\-]+) = .*?op_name=\"(?P<path>[^\"]*)\"", re.MULTILINE)
@@ -32,26 +31,21 @@ class Event(NamedTuple):
 
 
 def stage_of(path: str) -> str:
-    """Stage of an instruction from its path of scopes, e.g. "jit(rollout)/while/body/closed_call/skin/cond/add", or
+    """Stage of an instruction from its path of scopes, e.g. "jit(rollout)/while/body/closed_call/skin/jit(wall)", or
     "jit(rollout)/while/body/eval_jaxpr/while/body/vmap(skin)/add" where all tiles are stepped at once.
 
-    The innermost stage counts: skin/drag is drag. A wall of the step outside every stage is the recording.
+    The innermost stage counts: skin/drag is drag.
     """
-    parts = path.split("/")
-    # the step is what a loop calls that is no loop itself
-    calls = [i for i, (part, after) in enumerate(pairwise(parts)) if part in CALLS and after != "while"]
-    step = parts[calls[0] :] if calls else [part for part in parts if part.startswith("vmap(")]
-    named = [part.removeprefix("vmap(").removesuffix(")") for part in step]
-    stages = [part for before, part in pairwise(("", *named)) if part in STAGES and before != "while"]  # not while/body
-    if stages:
-        return stages[-1]
-    return "record" if calls and step[1] == "cond" else LOOPS
+    parts = [part.removeprefix("vmap(").removesuffix(")") for part in path.split("/")]
+    stages = [part for before, part in pairwise(("", *parts)) if part in STAGES and before != "while"]  # not while/body
+    return stages[-1] if stages else LOOPS
 
 
 def instruction_stages(text: str) -> dict[str, str]:
     """Stage of every instruction of a compiled program's text that says where it came from, by its name and by that of
-    the kernel that a GPU makes of it."""
-    stages = {match["name"]: stage_of(match["path"]) for match in _INSTRUCTION.finditer(text)}
+    the kernel that a GPU makes of it. What lies in a called function does not say it, but its call does."""
+    found = ((match["name"], match["path"]) for match in _INSTRUCTION.finditer(text))
+    stages = {name: stage_of(path) for name, path in found if path.startswith("jit(")}
     return {re.sub(r"[.-]", "_", name): stage for name, stage in stages.items()} | stages
 
 

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 import typer
@@ -107,7 +106,7 @@ def test_counts_by_hand_are_those_of_the_program(archetype: str, mesh: Any) -> N
     case = Case("counted", ((archetype, 64),), mesh=mesh)
     layout, assets, params, states = build(crowd.load(scenario(case)))
     plain = dataclasses.replace(layout, walls=False)
-    found = operations(lambda states: one_frame(plain, assets, params, states, jnp.asarray(True)), states)
+    found = operations(lambda states: one_frame(plain, assets, params, states), states)
     herd, own = layout.herds[0], assets.herds[0]
     slots = own.rigid_mesh.area.shape[1:3] if mesh == "rigid" else (0, 0)
     (sizes,) = sizes_of((layout, assets, params, states), case.herds, case.depth)

@@ -86,7 +86,7 @@ def test_the_fewer_characters_the_longer_the_run() -> None:
         (f"{STEP}/skin/drag/cond", "drag"),
         (f"{STEP}/body/cond/branch_1_fun/add", "body"),
         (f"{STEP}/pose/cond/branch_1_fun/while/body/closed_call/mul", "pose"),
-        (f"{STEP}/cond/branch_1_fun/stack", "record"),
+        (f"{STEP}/while/body/body/jit(wall)", "body"),
         (f"{STEP}/record/cond", "record"),
         (f"{STEP}/sub", LOOPS),
         ("jit(rollout)/while/body/closed_call/while/body/while", LOOPS),
