@@ -12,7 +12,7 @@ from crowd.types import Mesh
 from kernels.drag_moments import RigidMesh
 from kernels.drag_rigid import padded_blocks, rigid_mesh
 
-BLOCK = 16  # triangles per block of the rigid mesh
+BLOCK = 12  # triangles per block of the rigid mesh
 MOMENTS = 8  # of standing, over which heights are taken
 
 

@@ -19,19 +19,17 @@ from kernels.drag_moments import Ride, RigidMesh, assembled, moments
 from kernels.wall import Wall, apart, no_wall
 
 AXES = (2, 1, 0, 1)  # of the blocks in the fields of a mesh
-GROUP = 7  # blocks that go through together: enough to be worth the start, few enough to leave dry parts out
+GROUPS = (10, 9, 8)  # blocks that go through together: enough to be worth the start, few enough to leave dry parts out
 
 
 def groups_of(blocks: int) -> int:
     """Number of groups of equal size."""
-    most = max(1, round(blocks / GROUP))
-    return next(groups for groups in range(most, 0, -1) if blocks % groups == 0)
+    return next((blocks // size for size in GROUPS if blocks % size == 0), 1)
 
 
 def padded_blocks(blocks: int) -> int:
     """The least number of blocks, so many or more, that makes groups of equal size."""
-    groups = max(1, round(blocks / GROUP))
-    return -(-blocks // groups) * groups
+    return min(-(-blocks // size) * size for size in GROUPS)
 
 
 def rigid_mesh(corners: np.ndarray) -> RigidMesh:
