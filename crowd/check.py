@@ -123,7 +123,7 @@ def _needs(scene: Scene, herd: HerdScene, frames: int) -> HerdNeeds:
     trajectory = 0 if herd.track is None else 5 * len(herd.track.place)
     lasting = 4 * padded * (100 + 40 * legs + trajectory)
     chunk = CHUNKS * recording_bytes(padded, joints, legs, min(recorded, CHUNK), pose)
-    tile = 4 * TILE * (24 * joints + 9 * len(archetype.mesh.vertices) + 12 * len(archetype.mesh.triangles))
+    tile = 4 * TILE * (24 * joints + 9 * len(herd.drag_mesh.vertices) + 12 * len(herd.drag_mesh.triangles))
     x, z = herd.points.T
     depth = float((scene.surface(x, z) - scene.ground(x, z)).max())
     recording = recording_bytes(herd.count, joints, legs, recorded, pose)

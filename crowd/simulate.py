@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from crowd import pace
 from crowd.assets import Assets
 from crowd.build import Program, build
 from crowd.components import water_surface
@@ -28,10 +29,10 @@ from crowd.layout import Layout
 from crowd.params import Params
 from crowd.scenario_water import WATER_HZ
 from crowd.scene import Scene
-from crowd.state import Frame, State, blank_frame
+from crowd.state import Frame, State, blank_frame, shown_state
 from crowd.step import step
 from crowd.types import WaterFrames
-from crowd.unpack import shown_state, unpacked
+from crowd.unpack import unpacked
 from kernels.wall import no_wall, through
 from kernels.water import Waves
 
@@ -71,11 +72,18 @@ def one_frame(
     flag: Array,
     waves: Waves | None = None,
 ) -> Any:
-    """All herds one frame on: a map over each herd's tiles, then their water surface. Returns (states, frames)."""
+    """All herds one frame on: a map over each herd's tiles, then their water surface. Returns (states, frames).
+
+    The frame of a herd that is not stepped every frame is None; `crowd.pace.between` gives what is shown of it.
+    """
     wall = through(flag) if layout.walls else no_wall
     felt = None if waves is None else water_surface.felt(layout, assets, params, states[-1], waves, wall)
 
     def herd(which: int) -> Any:
+        if layout.herds[which].pace is not None:  # frames are made where they are shown
+            state = pace.frame_on(layout, which, assets.herds[which], assets.world, params, states[which], wall)
+            return state, None
+
         def tile(pair: tuple[Any, State]) -> tuple[State, Frame]:
             character, state = pair
             return step(layout, which, assets.herds[which], assets.world, params, character, state, wall, felt)
@@ -108,6 +116,7 @@ def rollout(
     """
     herds = len(layout.herds)
     waves = None if layout.water is None else water_surface.prepared(layout, assets, params)
+    wall = through(flag) if layout.walls else no_wall
 
     def advance(_: Any, carry: Any) -> Any:
         return one_frame(layout, assets, params, carry[0], flag, waves)
@@ -116,11 +125,17 @@ def rollout(
         states, shown, left = carry
         count = jnp.clip(left, 0, layout.record_every)
         states, shown = jax.lax.fori_loop(0, count, advance, (states, shown))
-        slim = tuple(shown_state(state) for state in states[:herds])
+        pairs = tuple(
+            pace.between(state, wall) if frame is None else (shown_state(state), frame)
+            for state, frame in zip(states[:herds], shown, strict=True)
+        )
         surface = tuple(water.height for water in states[herds:])
-        return (states, shown, left - count), (*zip(slim, shown, strict=True), *surface)
+        return (states, shown, left - count), (*pairs, *surface)
 
-    blank = tuple(blank_frame(layout, herd, state) for herd, state in zip(layout.herds, states[:herds], strict=True))
+    blank = tuple(
+        blank_frame(layout, herd, state) if herd.pace is None else None
+        for herd, state in zip(layout.herds, states[:herds], strict=True)
+    )
     (states, _, _), shown = jax.lax.scan(recorded, (states, blank, frames), None, length=chunk)
     return states, shown
 

@@ -51,7 +51,7 @@ def _asked(
     if herd.path:
         state = guide.along_path(layout.dt, herd, assets, character, state)
     if herd.track:
-        state = guide.on_track(layout.dt, assets, character, state)
+        state = guide.on_track(layout.frame_s, layout.dt, assets, character, state)
     names = ("desired", "waypoint", "along", "follows", "looks", "facing")
     return {name: getattr(state, name) for name in names}
 

@@ -103,7 +103,7 @@ def _tracked(dt: float, reaction: Array | None, state: State, climb: Array) -> d
     reaction: [n] s, time constant of the velocity, acceleration and yaw rate have SLOWER times it; None: 0.1 s, as one
     share per frame. The first frame has no acceleration.
     """
-    fast, slow = (min(rate * dt, 1.0) for rate in (10.0, 3.0))
+    fast, slow = (controllers.approach(rate, dt) for rate in (10.0, 3.0))
     if reaction is not None:
         fast, slow = (controllers.low_pass(dt, times * reaction) for times in (1.0, SLOWER))
     own: Strides = state.gait
