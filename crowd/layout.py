@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -155,7 +155,7 @@ class Layout:
     """The whole program."""
 
     herds: tuple[HerdLayout, ...]
-    dt: float  # s
+    dt: Any  # s, of a step; in one of several frames (`crowd.pace`) an Array
     ground: tuple[GroundLayout, ...]  # the first one is everywhere
     regions: int  # fluid regions; 0: the drag components are absent
     turns: int  # events that change the desired velocity

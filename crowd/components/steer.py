@@ -57,7 +57,7 @@ def _asked(
 
 
 def _commanded(
-    dt: float, herd: HerdLayout, assets: HerdAssets, character: Character, state: State
+    dt: float | Array, herd: HerdLayout, assets: HerdAssets, character: Character, state: State
 ) -> tuple[Array, Array]:
     """[2, n] m/s: the command at the end of the frame, and its mean over it. Load and effort may leave less to it."""
     wanted = state.desired
@@ -69,7 +69,7 @@ def _commanded(
 
 
 def _turned(
-    dt: float, herd: HerdLayout, assets: HerdAssets, character: Character, state: State, mean: Array
+    dt: float | Array, herd: HerdLayout, assets: HerdAssets, character: Character, state: State, mean: Array
 ) -> tuple[dict[str, Array], Array]:
     """Facing and heading after the frame, and the course."""
     x, z = state.command
