@@ -9,6 +9,7 @@ are far or calm.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -44,12 +45,16 @@ def frame_on(
     characters = params.characters[which]
     assert state.paced is not None
     due = state.frame[:, 0] <= state.paced.frame[:, 0]
+    once = jnp.minimum(due.sum(), 1)
     order = jnp.argsort(~due, stable=True)  # those whose turn it is first
 
     def one(number: Array, state: State) -> State:
         tile = order[number]
         mine = jax.tree.map(lambda leaf: jax.lax.dynamic_index_in_dim(leaf, tile, keepdims=False), (characters, state))
-        gone = _ahead(layout, which, assets, world, params, *mine, wall)
+        # a loop of one turn, of which the compiler does not know: so everything of a tile is read before anything of it
+        # is written, and tiles change in their place instead of in a copy of the whole herd
+        ahead = functools.partial(_ahead, layout, which, assets, world, params, mine[0], wall=wall)
+        gone = jax.lax.fori_loop(0, once, lambda _, own: ahead(own), mine[1])
         return jax.tree.map(lambda leaf, new: jax.lax.dynamic_update_index_in_dim(leaf, new, tile, 0), state, gone)
 
     state = jax.lax.fori_loop(0, due.sum(), one, state)
