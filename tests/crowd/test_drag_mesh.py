@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import trimesh
@@ -59,7 +60,8 @@ def test_bones_are_those_of_the_nearest_skin(people: HerdScene) -> None:
     assert mesh.joints.shape == mesh.weights.shape == (len(mesh.vertices), 4)
     dense = np.zeros((2, len(skin.inverse_bind)))  # the highest vertex is the head's, the lowest a foot's
     for row, one in enumerate((np.argmax, np.argmin)):
-        mine, theirs = one(mesh.vertices[:, 1]), one(skin.vertices[:, 1])
+        mine = one(mesh.vertices[:, 1])
+        theirs = np.linalg.norm(skin.vertices - mesh.vertices[mine], axis=1).argmin()
         assert mesh.joints[mine, mesh.weights[mine].argmax()] == skin.joints[theirs, skin.weights[theirs].argmax()]
         dense[row, mesh.joints[mine]] += mesh.weights[mine]
     np.testing.assert_allclose(dense.sum(1), 1.0, atol=1e-9)
@@ -112,8 +114,9 @@ def test_the_estimate_has_the_drag_of_the_step(people: HerdScene) -> None:
     found = _wrench(corner, slip, velocity[None], 0.9, False, (998.0, 1.08, 2.0), np.zeros(3))[0]
     vertices, faces = corner.reshape(-1, 3).T, np.arange(corner.size // 3).reshape(-1, 3)
     moving = slip.reshape(-1, 3).T + velocity[:, None]
-    fluid = Fluid(*(np.array([x], np.float32) for x in (998.0 * 1.08, 2.0, 0.9)), np.zeros((3, 1), np.float32))
-    exact = skinned(faces, vertices[..., None].astype(np.float32), moving[..., None].astype(np.float32), fluid)
+    fluid = Fluid(*(jnp.array([x]) for x in (998.0 * 1.08, 2.0, 0.9)), jnp.zeros((3, 1)))
+    place, way = (jnp.asarray(x[..., None], jnp.float32) for x in (vertices, moving))
+    exact = skinned(faces, place, way, fluid)
     np.testing.assert_allclose(found[0], np.asarray(exact.force)[:, 0], rtol=1e-3, atol=0.05)
     centre = np.asarray(exact.moment)[:, 0] / np.asarray(exact.magnitude)[0]
     np.testing.assert_allclose(found[1], np.cross(centre, found[0]), rtol=2e-3, atol=0.05)

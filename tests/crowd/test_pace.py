@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
@@ -10,9 +11,11 @@ import numpy as np
 import pytest
 
 import crowd
+import crowd.scenario
 from crowd import scene, simulate
 from crowd.build import Program, build
 from crowd.errors import InputError
+from crowd.scenario_detail import Detail
 from crowd.scene import Scene
 from tests.crowd.scenes import herd, scenario
 
@@ -152,6 +155,16 @@ def test_a_stepper_shows_where_they_are_now(paced: Run) -> None:
     shown = stepper.step()["people"]
     np.testing.assert_allclose(stepper.position["people"], shown["position"], atol=1e-6)
     np.testing.assert_array_equal(shown["position"], paced.arrays["position"][17])
+
+
+@pytest.mark.parametrize("name", ["responses", "waves", "figure_eight", "push"])
+def test_all_kinds_of_herds_can_be_stepped_so(name: str) -> None:
+    """Traced, not compiled."""
+    scenario = crowd.scenario.load(Path("configs") / f"{name}.yaml")
+    slow = [herd.model_copy(update={"detail": Detail(every=2, calm_m_s2=1.0)}) for herd in scenario.herds[-1:]]
+    program = build(scene.load(scenario.model_copy(update={"herds": tuple(slow)})))
+    shares = simulate.dealt(program, 1)[0]
+    simulate.compiled(program[0], 1).trace(*shares, np.int32(2), np.True_)
 
 
 def test_no_derivatives_through_turns(paced: Run) -> None:
