@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from benchmarks.machine import machine, pin
 
-COUNT, SECONDS, RATE = 512, 10, 60
+COUNT, SECONDS, RATE = 384, 10, 60
 CHUNK = 32  # recorded frames of a call, as in a run
 EXACT: dict[str, Any] = {}
 LEVELS: list[dict[str, Any]] = [
@@ -99,7 +99,7 @@ def _rms(values: Any) -> float:
 
 
 def _cost(program: Any) -> float:
-    """us of processor time per character and frame: the median of 6 calls of the run's own program, after the first."""
+    """us of processor time per character and frame: the median of 4 calls of the run's own program, after the first."""
     import jax
     import numpy as np
 
@@ -108,7 +108,7 @@ def _cost(program: Any) -> float:
     assets, params, states = dealt(program, 1)[0]
     run, frames = compiled(program[0], CHUNK), CHUNK * program[0].record_every
     taken = []
-    for _ in range(7):
+    for _ in range(5):
         begin = time.process_time()
         states, _ = jax.block_until_ready(run(assets, params, states, np.int32(frames), np.True_))
         taken.append(time.process_time() - begin)
