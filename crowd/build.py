@@ -95,10 +95,13 @@ def _pace(herd: HerdScene, devices: int, tile: int) -> Pace:
         far=np.full(herd.count, detail.far_m or 0.0),
         viewpoint=np.tile(np.array(detail.from_m or (0.0, 0.0))[:, None], herd.count),
         calm=np.full(herd.count, detail.calm_m_s2 or 0.0),
+        padding=np.zeros(herd.count, bool),
     )
     pace = Pace(**_tiled(fields, devices, tile))
+    padding = (np.arange(pace.turn.size) >= herd.count).reshape(pace.turn.shape)
     turns = np.arange(len(pace.turn), dtype=np.int32) % detail.every
-    return dataclasses.replace(pace, turn=np.ascontiguousarray(np.broadcast_to(turns[:, None], pace.turn.shape)))
+    turn = np.ascontiguousarray(np.broadcast_to(turns[:, None], pace.turn.shape))
+    return dataclasses.replace(pace, turn=turn, padding=padding)
 
 
 def _state(scene: Scene, herd: HerdScene, layout: Layout, which: int, devices: int, tile: int) -> State:

@@ -98,12 +98,12 @@ def _frames(herd: HerdLayout, params: Params, character: Character, state: State
     pace, own, now = herd.pace, character.pace, state.frame[0]
     assert pace is not None and own is not None
     left = (own.turn[0] - now - 1) % pace.every + 1
-    slow = now > 0
+    slow, aside = now > 0, own.padding | (state.fault > 0)
     if pace.far:
         x, z = state.position[0] - own.viewpoint[0], state.position[2] - own.viewpoint[1]
-        slow = slow & jnp.all((x * x + z * z > own.far * own.far) | (state.fault > 0))
+        slow = slow & jnp.all((x * x + z * z > own.far * own.far) | aside)
     if pace.calm:
-        slow = slow & jnp.all(_calm(own, state, tick) | (state.fault > 0))
+        slow = slow & jnp.all(_calm(own, state, tick) | aside)
         slow = slow & ~_met(params, character, which, now, left)
     return jnp.where(slow, left, 1)
 
@@ -121,7 +121,8 @@ def _calm(own: Pace, state: State, tick: float) -> Array:
 
 def _met(params: Params, character: Character, which: int, now: Array, count: Array) -> Array:
     """[] whether an event meets a character of a tile within its next step."""
-    events, styles = params.events, params.styles[which]
+    events, styles, own = params.events, params.styles[which], character.pace
+    assert own is not None
     found = jnp.zeros((), bool)
     for frames, chosen in (
         (events.impulse_frame, character.impulse),
@@ -130,7 +131,7 @@ def _met(params: Params, character: Character, which: int, now: Array, count: Ar
     ):
         if frames.shape[0]:
             soon = (frames >= now) & (frames < now + count)
-            found = found | jnp.any(soon[:, None] & (chosen > 0))
+            found = found | jnp.any(soon[:, None] & (chosen > 0) & ~own.padding)
     return found
 
 
