@@ -51,6 +51,7 @@ def scenario(level: dict[str, Any], gait: str) -> dict[str, Any]:
         "rate_hz": RATE,
         "gait": gait,
         "world": {"fluids": [{"fluid": "water", "surface_m": 0.9}]},
+        "record": {"rate_hz": RATE},
         "herds": [herd | ({"detail": level} if level else {})],
     }
 
@@ -70,7 +71,7 @@ def measured(level: dict[str, Any], gait: str, exact: Any | None) -> tuple[Line,
     result = simulate(scene, devices=1, program=program)
     arrays = result.herds["people"]
     names = ("position", "velocity", "yaw", "joint_rotation")
-    last = {name: np.array(arrays[name][-RATE // 2 :], float) for name in names}
+    last = {name: np.array(arrays[name][-RATE:], float) for name in names}
     other = last if exact is None else exact
     slides = [row.mean for row in metrics.measure(result, most=128) if row.quantity == "foot_slide_sole"]
     herd = scene.herds[0]
@@ -123,13 +124,13 @@ def _slips(herd: Any, arrays: Any) -> Any:
     from crowd.types import Motion
 
     names = ("pose_position", "pose_orientation", "joint_rotation", "joint_translation")
-    some = [np.asarray(arrays[name][-90:, :32], float) for name in names]
-    turn, at = posing.world_transforms(herd.archetype.skeleton, Motion(*some, herd.scale[:32]))
+    some = [np.asarray(arrays[name][-90:, ::12], float) for name in names]
+    turn, at = posing.world_transforms(herd.archetype.skeleton, Motion(*some, herd.scale[::12]))
     found = []
     for number, leg in enumerate(herd.archetype.legs):
-        offset = np.array(leg.ball_offset) * herd.scale[:32, None]
+        offset = np.array(leg.ball_offset) * herd.scale[::12, None]
         point = at[..., leg.ball, :] + posing.rotate(turn[..., leg.ball, :], offset)
-        found.append(np.linalg.norm(point - np.asarray(arrays["ball"][-90:, :32, number], float), axis=-1))
+        found.append(np.linalg.norm(point - np.asarray(arrays["ball"][-90:, ::12, number], float), axis=-1))
     return np.stack(found)
 
 

@@ -58,13 +58,10 @@ def test_bones_are_those_of_the_nearest_skin(people: HerdScene) -> None:
     mesh = decimated(skin, 200)
     np.testing.assert_allclose(mesh.weights.sum(1), 1.0, atol=1e-9)
     assert mesh.joints.shape == mesh.weights.shape == (len(mesh.vertices), 4)
-    dense = np.zeros((2, len(skin.inverse_bind)))  # the highest vertex is the head's, the lowest a foot's
-    for row, one in enumerate((np.argmax, np.argmin)):
+    for one in (np.argmax, np.argmin):  # the highest vertex is the head's, the lowest a foot's
         mine = one(mesh.vertices[:, 1])
         theirs = np.linalg.norm(skin.vertices - mesh.vertices[mine], axis=1).argmin()
         assert mesh.joints[mine, mesh.weights[mine].argmax()] == skin.joints[theirs, skin.weights[theirs].argmax()]
-        dense[row, mesh.joints[mine]] += mesh.weights[mine]
-    np.testing.assert_allclose(dense.sum(1), 1.0, atol=1e-9)
 
 
 def test_seams_do_not_open(people: HerdScene) -> None:
