@@ -25,17 +25,17 @@ from crowd.step import step
 from kernels.vec import TINY
 from kernels.wall import Wall
 
-# How a quantity goes from one step to the next: "along" a line, the shorter way round a "circle" (rad) or a "cycle"
-# (1), or as a "rotation"; what is not named stays until the next step (footprints, phases, faults).
+# What is recorded of a state goes "along" a line to the next step, or the shorter way round a "circle" (rad) or "cycle"
+# (1); what is not named stays until then (footprints, phases, faults). Numbers of a frame go along lines.
 SHOWN = dict(
     position="along", velocity="along", yaw="circle", pitch="along", phase="cycle",
     gait_time="cycle", gait_designated="cycle",
 )  # fmt: skip
-FRAME = dict(
-    drag_force="along", drag_torque="along", center_of_pressure="along", depth="along", ball="along", ankle="along",
-    handle="along", over_reach="along", pose_position="along", pose_orientation="rotation", apparent_weight="along",
-    joint_rotation="rotation", joint_translation="along", heel="along", toe="along", weights="along", alignment="along",
+FRAME = (
+    "drag_force", "drag_torque", "center_of_pressure", "depth", "ball", "ankle", "handle", "over_reach",
+    "pose_position", "apparent_weight", "joint_translation",
 )  # fmt: skip
+ROTATIONS = ("pose_orientation", "joint_rotation")
 
 
 def frame_on(
@@ -154,21 +154,25 @@ def between(state: State, wall: Wall) -> tuple[dict[str, Array], Frame]:
     A foot counts as planted where it is at both; a centre of pressure is there where there was one at both.
     """
 
-    def tile(paced: Paced, ahead: Array) -> tuple[dict[str, Array], Frame]:
+    def tile(given: tuple[Paced, Array]) -> tuple[dict[str, Array], Frame]:
+        paced, ahead = given
         share = (paced.frame - paced.since).astype(jnp.float32) / jnp.maximum(ahead - paced.since, 1)
-        return _blended(paced.before, paced.after, share)
-
-    def one(given: tuple[Paced, Array]) -> tuple[dict[str, Array], Frame]:
-        return wall(tile, *given)
+        slim, frame = wall(_blended, paced.before, paced.after, share)
+        turned = {
+            name: _turned(getattr(paced.before[1], name), getattr(paced.after[1], name), share, wall)
+            for name in ROTATIONS
+        }
+        return slim, dataclasses.replace(frame, **turned)
 
     assert state.paced is not None
     given = (state.paced, state.frame)
-    return jax.vmap(one)(given) if wall.flag is None else jax.lax.map(one, given)
+    return jax.vmap(tile)(given) if wall.flag is None else jax.lax.map(tile, given)
 
 
 def _blended(
     before: tuple[dict[str, Array], Frame], after: tuple[dict[str, Array], Frame], share: Array
 ) -> tuple[dict[str, Array], Frame]:
+    """All but the rotations."""
     there = share >= 1.0
 
     def blend(kind: str | None, a: Any, b: Any) -> Any:
@@ -178,17 +182,24 @@ def _blended(
 
     slim = {name: blend(SHOWN.get(name), before[0][name], after[0][name]) for name in after[0]}
     first, last = before[1], after[1]
-    changed: dict[str, Any] = {
-        name: blend(kind, getattr(first, name), getattr(last, name))
-        for name, kind in FRAME.items()
-        if hasattr(last, name)
-    }
+    changed: dict[str, Any] = {name: blend("along", getattr(first, name), getattr(last, name)) for name in FRAME}
     changed["planted"] = jnp.where(there, last.planted, first.planted & last.planted)
     if last.strides is not None and first.strides is not None:
         names = [field.name for field in dataclasses.fields(last.strides)]
-        own = {name: blend(FRAME[name], getattr(first.strides, name), getattr(last.strides, name)) for name in names}
+        own = {name: blend("along", getattr(first.strides, name), getattr(last.strides, name)) for name in names}
         changed["strides"] = dataclasses.replace(last.strides, **own)
     return slim, dataclasses.replace(last, **changed)
+
+
+def _turned(a: Array, b: Array, share: Array, wall: Wall) -> Array:
+    """Unit quaternions [4, ..., n] the shorter way from a to b, normalised linear (over a few frames, even).
+
+    In stages: each of the four numbers would compute anew what all of them need.
+    """
+    same = wall(lambda a, b: jnp.where(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] < 0, -1.0, 1.0), a, b)
+    mixed = wall(lambda a, b, same, share: a + (b * same - a) * share, a, b, same, share)
+    size = wall(lambda m: 1.0 / jnp.sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2] + m[3] * m[3] + TINY), mixed)
+    return wall(lambda m, size, b, share: jnp.where(share >= 1.0, b, m * size), mixed, size, b, share)
 
 
 def _along(a: Array, b: Array, share: Array) -> Array:
@@ -203,14 +214,6 @@ def _round(whole: float) -> Callable[[Array, Array, Array], Array]:
     return way
 
 
-def _turned(a: Array, b: Array, share: Array) -> Array:
-    """Unit quaternions [4, ..., n] the shorter way from a to b, normalised linear (over a few frames, even)."""
-    w, x, y, z = (p * q for p, q in zip(a, b, strict=True))
-    b = jnp.where(w + x + y + z < 0, -b, b)
-    w, x, y, z = mixed = a + (b - a) * share
-    return mixed / jnp.sqrt(w * w + x * x + y * y + z * z + TINY)
-
-
 WAYS: dict[str, Callable[[Array, Array, Array], Array]] = dict(
-    along=_along, circle=_round(6.283185307179586), cycle=_round(1.0), rotation=_turned
+    along=_along, circle=_round(6.283185307179586), cycle=_round(1.0)
 )
