@@ -135,7 +135,7 @@ def _slips(herd: Any, arrays: Any) -> Any:
 
     names = ("pose_position", "pose_orientation", "joint_rotation", "joint_translation")
     some = [np.asarray(arrays[name][-90:, ::12], float) for name in names]
-    turn, at = posing.world_transforms(herd.archetype.skeleton, Motion(*some, herd.scale[::12]))
+    turn, at = posing.world_transforms(herd.archetype.skeleton, Motion(some[0], some[1], some[2], some[3], herd.scale[::12]))
     found = []
     for number, leg in enumerate(herd.archetype.legs):
         offset = np.array(leg.ball_offset) * herd.scale[::12, None]

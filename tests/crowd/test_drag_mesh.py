@@ -111,7 +111,7 @@ def test_the_estimate_has_the_drag_of_the_step(people: HerdScene) -> None:
     found = _wrench(corner, slip, velocity[None], 0.9, False, (998.0, 1.08, 2.0), np.zeros(3))[0]
     vertices, faces = corner.reshape(-1, 3).T, np.arange(corner.size // 3).reshape(-1, 3)
     moving = slip.reshape(-1, 3).T + velocity[:, None]
-    fluid = Fluid(*(jnp.array([x]) for x in (998.0 * 1.08, 2.0, 0.9)), jnp.zeros((3, 1)))
+    fluid = Fluid(jnp.array([998.0 * 1.08]), jnp.array([2.0]), jnp.array([0.9]), jnp.zeros((3, 1)))
     place, way = (jnp.asarray(x[..., None], jnp.float32) for x in (vertices, moving))
     exact = skinned(faces, place, way, fluid)
     np.testing.assert_allclose(found[0], np.asarray(exact.force)[:, 0], rtol=1e-3, atol=0.05)

@@ -26,7 +26,9 @@ COUNT, FRAMES = 400, 40  # four tiles
 
 def model(count: int = COUNT, every: int = 2, rate: int = 60, **more: Any) -> dict[str, Any]:
     detail = {"every": every, **more.pop("keys", {})}
-    people = herd("people", "human", count, **({"detail": detail} if every > 1 else {}))
+    people = herd("people", "human", count)
+    if every > 1:
+        people["detail"] = detail
     record = {"rate_hz": rate, "pose": True}
     return scenario([people], more.pop("surface", 0.1), record=record, rate_hz=rate, **{"ground": BEACH, **more})
 
