@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 from typing import Any
 
@@ -18,11 +19,11 @@ from crowd.herd_responses import load_events, remembered, responses, short_arms
 from crowd.host_arrays import f32, i32
 from crowd.initial import initial_state
 from crowd.layout import TILE, WIDE, GroundLayout, Layout, tile_width
-from crowd.params import Character, Control, Events, Params, Showers, StyleEvents
+from crowd.params import Character, Control, Events, Pace, Params, Showers, StyleEvents
 from crowd.scenario_control import turn_rate
 from crowd.scenario_herd import Event
 from crowd.scene import HerdScene, Scene
-from crowd.state import Footsteps, State, Strides
+from crowd.state import Footsteps, State, Strides, begun
 from crowd.stride_assets import stride_control
 from crowd.water_assets import still_water, water_assets, water_layout, water_params
 
@@ -70,7 +71,10 @@ def build(scene: Scene, devices: int = 1, walls: bool | None = None, tile: int |
         styles=tuple(_styles(scene, herd) for herd in scene.herds),
         water=water_params(scene),
     )
-    states = (*(_state(scene, herd, layout, devices, widths[herd.name]) for herd in scene.herds), *still_water(scene))
+    states = tuple(
+        _state(scene, herd, layout, which, devices, widths[herd.name]) for which, herd in enumerate(scene.herds)
+    )
+    states = (*states, *still_water(scene))
     assets, params, states = jax.device_put((assets, params, states))
     return layout, assets, params, states
 
@@ -78,15 +82,36 @@ def build(scene: Scene, devices: int = 1, walls: bool | None = None, tile: int |
 def _characters(scene: Scene, herd: HerdScene, devices: int, tile: int) -> Character:
     size = herd.scale * extent(herd) / PERSON_SIZE
     own = jax.tree.map(lambda values: tiled(values, devices, tile), responses(scene, herd, size))
-    return Character(**_tiled(_character(scene, herd), devices, tile), responses=own)
+    pace = None if herd.model.detail is None or herd.model.detail.every == 1 else _pace(herd, devices, tile)
+    return Character(**_tiled(_character(scene, herd), devices, tile), responses=own, pace=pace)
 
 
-def _state(scene: Scene, herd: HerdScene, layout: Layout, devices: int, tile: int) -> State:
+def _pace(herd: HerdScene, devices: int, tile: int) -> Pace:
+    """Turns of the tiles, one after the other."""
+    detail = herd.model.detail
+    assert detail is not None
+    fields = dict(
+        turn=np.zeros(herd.count, np.int32),
+        far=np.full(herd.count, detail.far_m or 0.0),
+        viewpoint=np.tile(np.array(detail.from_m or (0.0, 0.0))[:, None], herd.count),
+        calm=np.full(herd.count, detail.calm_m_s2 or 0.0),
+        padding=np.zeros(herd.count, bool),
+    )
+    pace = Pace(**_tiled(fields, devices, tile))
+    padding = (np.arange(pace.turn.size) >= herd.count).reshape(pace.turn.shape)
+    turns = np.arange(len(pace.turn), dtype=np.int32) % detail.every
+    turn = np.ascontiguousarray(np.broadcast_to(turns[:, None], pace.turn.shape))
+    return dataclasses.replace(pace, turn=turn, padding=padding)
+
+
+def _state(scene: Scene, herd: HerdScene, layout: Layout, which: int, devices: int, tile: int) -> State:
+    layout = layout.of(which)
     fields = initial_state(scene, herd, layout)
     gait = _tiled(fields.pop("gait"), devices, tile)
     kind = Strides if layout.gait == "semi_procedural" else Footsteps
     responded = jax.tree.map(lambda values: tiled(values, devices, tile), remembered(herd))
-    return State(gait=kind(**gait), **_tiled(fields, devices, tile), responded=responded)
+    state = State(gait=kind(**gait), **_tiled(fields, devices, tile), responded=responded)
+    return state if layout.herds[which].pace is None else begun(layout, layout.herds[which], state)
 
 
 def tiled(values: np.ndarray, devices: int, tile: int) -> np.ndarray:
@@ -319,7 +344,7 @@ def _guidance(herd: HerdScene) -> dict[str, np.ndarray]:
 
 def _displaced(herd: HerdScene) -> np.ndarray:
     """[n] kg: mass the mesh would have at the body's density."""
-    mesh = herd.archetype.mesh
+    mesh = herd.drag_mesh
     a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
     volume = max(float((np.cross(a, b) * c).sum() / 6.0), 1e-12)
     return herd.model.body_density_kg_m3 * volume * herd.scale**3

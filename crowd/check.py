@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowd.check_gains import gain_warnings
+from crowd.drag_error import detail_notes
 from crowd.ground_walk import walk_notes
 from crowd.scenario_check import recording_bytes
 from crowd.scenario_water import WATER_HZ
@@ -66,6 +67,7 @@ def needs(scene: Scene, frames: int | None = None) -> Needs:
     notes += walk_notes(scene.terrain, ways)
     for herd in scene.herds:
         notes += [f"{herd.name}: {note}" for note in (*herd.archetype.notes, *herd.notes)]
+    notes += detail_notes(scene)
     warnings = gain_warnings(scene, {herd.name: _places(herd, ways[herd.name]) for herd in scene.herds})
     herds = tuple(_needs(scene, herd, count) for herd in scene.herds)
     return Needs(herds, tuple(dict.fromkeys(notes)), tuple(warnings), _water(scene, seconds))
@@ -122,8 +124,10 @@ def _needs(scene: Scene, herd: HerdScene, frames: int) -> HerdNeeds:
     # poses, palette, skinned vertices and the drag of every triangle.
     trajectory = 0 if herd.track is None else 5 * len(herd.track.place)
     lasting = 4 * padded * (100 + 40 * legs + trajectory)
+    if herd.model.detail is not None and herd.model.detail.every > 1:  # what is shown lies between two frames
+        lasting += 2 * recording_bytes(padded, joints, legs, 1, pose)
     chunk = CHUNKS * recording_bytes(padded, joints, legs, min(recorded, CHUNK), pose)
-    tile = 4 * TILE * (24 * joints + 9 * len(archetype.mesh.vertices) + 12 * len(archetype.mesh.triangles))
+    tile = 4 * TILE * (24 * joints + 9 * len(herd.drag_mesh.vertices) + 12 * len(herd.drag_mesh.triangles))
     x, z = herd.points.T
     depth = float((scene.surface(x, z) - scene.ground(x, z)).max())
     recording = recording_bytes(herd.count, joints, legs, recorded, pose)

@@ -11,11 +11,12 @@ from crowd import posing
 from crowd.analysis.gait import Gait, feet
 from crowd.assets import HerdAssets
 from crowd.herd_responses import chosen_responses
-from crowd.layout import Faces, HerdLayout
+from crowd.layout import Faces, HerdLayout, Pace
 from crowd.leg_responses import near_legs, partners
 from crowd.mesh_assets import blocks, influences, upwards
 from crowd.resampling import resample, resample_rotation
 from crowd.scenario_control import Facing, turn_rate
+from crowd.scenario_detail import Detail
 from crowd.scene import SAMPLES, HerdScene
 from crowd.stride_assets import FLIGHT_SAMPLES, chains, motion_layout, stride_assets
 from crowd.tree import StaticArray
@@ -29,9 +30,9 @@ STEP = 0.4  # of the height of the hips: half a common step
 def herd_layout(herd: HerdScene) -> HerdLayout:
     """Topology and capacities of a herd."""
     rig = herd.archetype
-    mesh = rig.mesh
+    mesh = herd.drag_mesh
     strides = bool(herd.motions)
-    waypoints = herd.model.waypoints
+    waypoints, detail = herd.model.waypoints, herd.model.detail
     return HerdLayout(
         name=herd.name,
         parents=tuple(int(parent) for parent in rig.skeleton.parents),
@@ -64,7 +65,13 @@ def herd_layout(herd: HerdScene) -> HerdLayout:
         faces=_faces(herd),
         near=near_legs(herd) if herd.model.responses.leg_clearance else (),
         responses=chosen_responses(herd),
+        mesh=None if detail is None else detail.mesh,
+        pace=None if detail is None or detail.every == 1 else _pace(detail),
     )
+
+
+def _pace(detail: Detail) -> Pace:
+    return Pace(detail.every, detail.far_m is not None, detail.calm_m_s2 is not None)
 
 
 def _spread(stand: np.ndarray, height: float) -> float:
@@ -104,7 +111,7 @@ def herd_assets(herd: HerdScene) -> HerdAssets:
         arm_outward=_array(outward.T[..., None]),
         spread=_array(np.array(_spread(stand, pivot_height))),
         pivot_height=_array(np.array(pivot_height)),
-        skin_local=_array(influences(rig.mesh)[1]),
+        skin_local=_array(influences(herd.drag_mesh)[1]),
         rigid_mesh=blocks(herd)[1],
         waypoints=_array(np.asarray(waypoints, float).reshape(-1, 2).T[..., None]),
         path=_array(_path(herd)),

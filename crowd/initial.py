@@ -16,7 +16,10 @@ from crowd.stride_assets import initial_strides
 
 
 def initial_state(scene: Scene, herd: HerdScene, layout: Layout) -> dict[str, Any]:
-    """Fields of a herd's `State`, not yet in tiles: trailing axis n; `gait` holds those of its gait."""
+    """Fields of a herd's `State`, not yet in tiles: trailing axis n; `gait` holds those of its gait.
+
+    layout: as this herd sees it (`Layout.of`).
+    """
     count = herd.count
     zero = np.zeros(count)
     desired, follows = _desired(herd)
@@ -26,7 +29,7 @@ def initial_state(scene: Scene, herd: HerdScene, layout: Layout) -> dict[str, An
     else:
         gait = _footsteps(herd, yaw, desired)
     x, z = herd.points.T
-    mesh = herd.archetype.mesh
+    mesh = herd.drag_mesh
     previous = np.zeros((3, len(mesh.vertices), count), np.float32)
     if layout.mesh == "rigid":
         previous = np.zeros((7, herd.archetype.skeleton.count, count), np.float32)

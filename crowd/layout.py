@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -33,6 +33,15 @@ class Motion:
     name: str
     style: int  # number of its group
     walks: bool  # a walk cycle; otherwise grounded
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How a herd is stepped that is not stepped every frame; see `crowd.pace`."""
+
+    every: int  # frames
+    far: bool  # only tiles that are far
+    calm: bool  # only tiles that are calm
 
 
 @dataclass(frozen=True)
@@ -70,6 +79,8 @@ class HerdLayout:
     faces: Faces  # where characters look when no event says otherwise
     responses: tuple[str, ...] = ()  # fields of `crowd.params.Responses` that this herd has
     near: tuple[tuple[int, int], ...] = ()  # legs that give way and those they give way to, with `clearance`
+    mesh: Literal["skinned", "rigid"] | None = None  # None: as the layout says
+    pace: Pace | None = None  # None: stepped every frame
 
     @property
     def joints(self) -> int:
@@ -144,7 +155,7 @@ class Layout:
     """The whole program."""
 
     herds: tuple[HerdLayout, ...]
-    dt: float  # s
+    dt: Any  # s, of a step; in one of several frames (`crowd.pace`) an Array
     ground: tuple[GroundLayout, ...]  # the first one is everywhere
     regions: int  # fluid regions; 0: the drag components are absent
     turns: int  # events that change the desired velocity
@@ -162,3 +173,14 @@ class Layout:
     walls: bool  # False where kernels are better large (GPU)
     fluid: FluidLayout = FluidLayout()
     water: WaterLayout | None = None  # None: surfaces stay level
+    tick: float = 0.0  # s, of a frame, where a step takes more than one (`crowd.pace`); 0: each takes one
+
+    @property
+    def frame_s(self) -> float:
+        """Length of a frame."""
+        return self.tick or self.dt
+
+    def of(self, which: int) -> Layout:
+        """The layout as herd number `which` sees it: with what that herd has of its own."""
+        own = self.herds[which].mesh
+        return self if own is None else replace(self, mesh=own)

@@ -18,10 +18,12 @@ import numpy as np
 from crowd.build import build, tiled
 from crowd.errors import fail, nearest
 from crowd.layout import Layout
+from crowd.pace import between
 from crowd.scene import HerdScene, Scene
 from crowd.simulate import compiled
 from crowd.state import State
 from crowd.unpack import unpacked
+from kernels.wall import no_wall
 
 MOST_FRAMES = 1_000_000  # of one call
 FASTEST = 15.0  # m/s, as in scenarios
@@ -88,7 +90,8 @@ class Stepper:
     @property
     def frame(self) -> int:
         """Frames stepped since the start of the scene."""
-        return int(np.asarray(self._states[0].frame)[0, 0])
+        state = self._states[0]
+        return int(np.asarray(state.frame if state.paced is None else state.paced.frame)[0, 0])
 
     @property
     def time(self) -> float:
@@ -99,7 +102,7 @@ class Stepper:
     def position(self) -> dict[str, np.ndarray]:
         """Places [n, 3] m of every herd, world."""
         pairs = zip(self.scene.herds, self._states, strict=False)
-        return {herd.name: _untiled(np.array(state.position), herd.count).T for herd, state in pairs}
+        return {herd.name: _untiled(_place(state), herd.count).T for herd, state in pairs}
 
     def step(
         self, velocity: Steering | None = None, facing: Steering | None = None, frames: int = 1
@@ -186,6 +189,11 @@ class Stepper:
             jax.tree.map(lambda mine, given, name=name: fitting(name, mine, given), own, new)
             for name, own, new in zip(self._names, self._first, state, strict=True)
         )
+
+
+def _place(state: State) -> np.ndarray:
+    """[tiles, 3, n] m, where characters are shown: those that are not stepped every frame are ahead of that."""
+    return np.array(state.position if state.paced is None else between(state, no_wall)[0]["position"])
 
 
 def _untiled(values: np.ndarray, count: int) -> np.ndarray:

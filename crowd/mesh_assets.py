@@ -35,8 +35,8 @@ def _heights(herd: HerdScene) -> np.ndarray:
     rig, idle = herd.archetype, herd.idle
     motion = posing.clip_motion(idle)
     every = max(1, len(idle.rotation) // MOMENTS)
-    vertices = posing.skin(rig.mesh, *(x[::every] for x in posing.world_transforms(rig.skeleton, motion)))
-    return vertices[:, rig.mesh.triangles, 1].mean((0, 2))
+    vertices = posing.skin(herd.drag_mesh, *(x[::every] for x in posing.world_transforms(rig.skeleton, motion)))
+    return vertices[:, herd.drag_mesh.triangles, 1].mean((0, 2))
 
 
 def upwards(herd: HerdScene) -> np.ndarray:
@@ -49,8 +49,8 @@ def blocks(herd: HerdScene) -> tuple[np.ndarray, RigidMesh]:
 
     Returns the bone of each block and its constants; padding has no area.
     """
-    mesh, height = herd.archetype.mesh, _heights(herd)
-    owner, found = _owners(mesh), []
+    mesh, height = herd.drag_mesh, _heights(herd)
+    owner, found = owners(mesh), []
     for bone in np.unique(owner):
         mine = np.flatnonzero(owner == bone)
         mine = mine[np.argsort(height[mine], kind="stable")]
@@ -68,7 +68,7 @@ def blocks(herd: HerdScene) -> tuple[np.ndarray, RigidMesh]:
     return bones, RigidMesh(*(_array(values) for values in constants))
 
 
-def _owners(mesh: Mesh) -> np.ndarray:
+def owners(mesh: Mesh) -> np.ndarray:
     """[T] the bone that carries most of each triangle."""
     share = np.zeros((len(mesh.triangles), len(mesh.inverse_bind)))
     for corner in range(3):

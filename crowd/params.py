@@ -162,6 +162,17 @@ class Responses:
 
 
 @pytree
+class Pace:
+    """When a tile is stepped that is not stepped every frame; but for `padding` alike for all of its characters."""
+
+    turn: Array  # [n] int32, remainder of the frames at which it is its turn
+    far: Array  # [n] m, distance from `viewpoint` beyond which it is slow
+    viewpoint: Array  # [2, n] m, world (x, z)
+    calm: Array  # [n] m/s2, changes of velocity below which it is slow
+    padding: Array  # [n] bool: nobody, says nothing
+
+
+@pytree
 class Character:
     """Per character: trailing axis n, in tiles."""
 
@@ -190,6 +201,7 @@ class Character:
     rain: Array | None = None  # [K, n] 1 where a rain meets the character
     displaced: Array | None = None  # [n] kg, body density times the volume of its mesh: for buoyancy
     responses: Responses = Responses()
+    pace: Pace | None = None
 
 
 @pytree

@@ -88,5 +88,9 @@ def rollout(scene: Scene, seconds: float, settle_s: float = 0.0, block: int = 1)
         raise fail("block", f"{block}: must divide the {frames} frames, e.g. {near}")
     if scene.water is not None:
         raise fail("world.water", "a water surface that the crowd moves has no rollout with derivatives")
+    for index, herd in enumerate(scene.herds):
+        if herd.model.detail is not None and herd.model.detail.every > 1:
+            where = scene.scenario.where("herds", index, "detail", "every")
+            raise fail(where, "a herd that is not stepped every frame has no rollout with derivatives; leave it out")
     layout, assets, params, states = build(scene)
     return Rollout(layout, params, Start(assets, states), frames, settle, block)

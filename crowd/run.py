@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crowd import check, compile_cache
+from crowd.drag_error import detail_rows
 from crowd.errors import fail
 from crowd.layout import TILE
 from crowd.output_folder import existing, refuse_foreign
@@ -177,7 +178,7 @@ def _evaluate(scene: Scene, out: Path) -> None:
     from crowd.report import write_report
 
     recording = open_recording(out / RECORDING)
-    rows = measure(recording, ground=scene.ground)
+    rows = measure(recording, ground=scene.ground) + detail_rows(scene)
     metrics = write_metrics(rows, out / METRICS)
     for stale in (out / REPORT).glob("*.png"):
         stale.unlink()

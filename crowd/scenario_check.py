@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from crowd.errors import Problem, nearest
 from crowd.scenario_control_check import control
+from crowd.scenario_detail import detail_problems
 from crowd.scenario_files import find_file
 from crowd.scenario_fluid_check import fluid_problems
 from crowd.scenario_ground_check import ground_problems
@@ -62,7 +63,7 @@ def recording_bytes(count: int, joints: int, legs: int, frames: int, pose: bool 
 def cross_checks(document: Document, data: dict[str, Any], table: FluidTable | None, folder: Path) -> list[Problem]:
     """Problems between the parts of a scenario. data: in declared keys (see `validate`)."""
     parts = _parts(document, data)
-    checks = (_sizes, _names, _places, _variations, _water, _events, _times)
+    checks = (_sizes, _names, _places, _variations, _water, _events, _times, _details)
     problems = [Problem(document.where(path), text) for check in checks for path, text in check(parts, data)]
     problems += [Problem(document.where(path), text) for path, text in _files(parts, data, folder)]
     problems += [Problem(document.where(path), text) for path, text in style_checks(parts.herds, parts.events)]
@@ -184,6 +185,11 @@ def _water(parts: _Parts, data: dict[str, Any]) -> Found:
     if water is not None:
         fluids = world.get("fluids") if isinstance(world, dict) else None
         yield from water_problems(water, parts.regions, len(fluids) if isinstance(fluids, list) else 0)
+
+
+def _details(parts: _Parts, data: dict[str, Any]) -> Found:
+    world = data.get("world")
+    yield from detail_problems(parts.herds, parts.rate, isinstance(world, dict) and world.get("water") is not None)
 
 
 def _events(parts: _Parts, data: dict[str, Any]) -> Found:

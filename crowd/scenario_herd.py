@@ -8,6 +8,7 @@ from pydantic import Field
 
 from crowd.scenario_belt import Belt
 from crowd.scenario_control import Distance, Facing, Limits, Route, Trajectories, Waypoints
+from crowd.scenario_detail import Detail
 from crowd.scenario_responses import Load, Responses
 from crowd.scenario_styles import NORMAL, ClipName, Styles
 from crowd.scenario_types import Flag, Model, Name, NotNegative, Number, Point, Positive
@@ -208,6 +209,8 @@ class Herd(Model):
     load: Load | None = None
     """Something to carry."""
     responses: Responses = Responses()
+    detail: Detail | None = None
+    """Less work for these characters: fewer triangles, slower steps."""
 
 
 class Rain(Model):

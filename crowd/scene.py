@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from crowd.analysis.motion import Motion
 from crowd.analysis.motion_set import Entry, MotionSet, default_clips, motion_set
 from crowd.characters.belt import with_belt
 from crowd.curves import Curve
+from crowd.drag_mesh import decimated
 from crowd.errors import InputError, Problem, fail
 from crowd.ground import Ground
 from crowd.ground_water import WaterGrid, water_grid
@@ -29,7 +30,7 @@ from crowd.scenario_herd import Herd
 from crowd.scenario_styles import NORMAL
 from crowd.styles import Play, Repertoire, StyleClips, repertoire, unmet
 from crowd.tracks import Track
-from crowd.types import Archetype, Clip
+from crowd.types import Archetype, Clip, Mesh
 from crowd.wave_components import Trains
 
 MOST_GAITS = 4
@@ -62,10 +63,21 @@ class HerdScene:
     curve: Curve | None = None  # to walk along
     along: np.ndarray | None = None  # [n] m, where on it each one starts
     track: Track | None = None  # trajectories to follow
+    fewer: Mesh | None = None  # what the fluid drags on, where that is not the skin
 
     @property
     def count(self) -> int:
         return len(self.scale)
+
+    @property
+    def drag_mesh(self) -> Mesh:
+        """What the fluid drags on; pictures show `archetype.mesh`."""
+        return self.archetype.mesh if self.fewer is None else self.fewer
+
+    def drag_kind(self, scenario: Scenario) -> Literal["skinned", "rigid"]:
+        """How that mesh moves: as the herd says, otherwise as the scenario does."""
+        detail = self.model.detail
+        return scenario.drag.mesh if detail is None or detail.mesh is None else detail.mesh
 
     @property
     def reference_speed(self) -> np.ndarray:
@@ -203,7 +215,16 @@ def _herd(scenario: Scenario, index: int, archetype: Archetype, terrain: Ground)
         curve=start.curve,
         along=start.along,
         track=start.track,
+        fewer=_fewer(model, archetype),
     )
+
+
+def _fewer(model: Herd, archetype: Archetype) -> Mesh | None:
+    """The drag mesh of fewer triangles that a herd asks for."""
+    if model.detail is None or model.detail.triangles is None:
+        return None
+    mesh = decimated(archetype.mesh, model.detail.triangles)
+    return None if mesh is archetype.mesh else mesh
 
 
 def _motions(scenario: Scenario, archetype: Archetype, plays: Repertoire) -> MotionSet:

@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from crowd import pace
 from crowd.assets import Assets
 from crowd.build import Program, build
 from crowd.compiler_options import options
@@ -29,10 +30,10 @@ from crowd.layout import Layout
 from crowd.params import Params
 from crowd.scenario_water import WATER_HZ
 from crowd.scene import Scene
-from crowd.state import Frame, State, blank_frame
+from crowd.state import Frame, State, blank_frame, shown_state
 from crowd.step import step
 from crowd.types import WaterFrames
-from crowd.unpack import shown_state, unpacked
+from crowd.unpack import unpacked
 from kernels.wall import apart, no_wall
 from kernels.water import Waves
 
@@ -71,7 +72,10 @@ def one_frame(
     states: tuple[Any, ...],
     waves: Waves | None = None,
 ) -> Any:
-    """All herds one frame on: a map over each herd's tiles, then their water surface. Returns (states, frames)."""
+    """All herds one frame on: a map over each herd's tiles, then their water surface. Returns (states, frames).
+
+    Of herds that are stepped every frame.
+    """
     wall = apart if layout.walls else no_wall
     felt = None if waves is None else water_surface.felt(layout, assets, params, states[-1], waves, wall)
 
@@ -115,6 +119,8 @@ def _herd_on(
     layout: Layout, chunk: int, which: int, assets: Assets, params: Params, states: State, frames: Array
 ) -> tuple[State, Any]:
     """`rollout` of a herd whose tiles do not meet: each goes through all frames while what it needs is in the cache."""
+    if layout.herds[which].pace is not None:
+        return _turns_on(layout, chunk, which, assets, params, states, frames)
     wall = apart if layout.walls else no_wall
 
     def tile(pair: tuple[Any, State]) -> tuple[State, Any]:
@@ -135,6 +141,25 @@ def _herd_on(
 
     pairs = params.characters[which], states
     return jax.lax.map(tile, pairs) if layout.walls else jax.vmap(tile)(pairs)
+
+
+def _turns_on(
+    layout: Layout, chunk: int, which: int, assets: Assets, params: Params, states: State, frames: Array
+) -> tuple[State, Any]:
+    """`rollout` of a herd whose tiles take turns."""
+    wall = apart if layout.walls else no_wall
+
+    def advance(_: Any, state: State) -> State:
+        return pace.frame_on(layout, which, assets.herds[which], assets.world, params, state, wall)
+
+    def recorded(carry: tuple[State, Array], _: Any) -> tuple[Any, Any]:
+        state, left = carry
+        count = jnp.clip(left, 0, layout.record_every)
+        state = jax.lax.fori_loop(0, count, advance, state)
+        return (state, left - count), pace.between(state, wall)
+
+    (states, _), shown = jax.lax.scan(recorded, (states, frames), None, length=chunk)
+    return states, jax.tree.map(lambda x: jnp.swapaxes(x, 0, 1), shown)
 
 
 def _together_on(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import jax.numpy as jnp
@@ -11,6 +12,10 @@ from jax import Array
 from crowd.layout import HerdLayout, Layout
 from crowd.tree import pytree
 
+STRIDES = (
+    "time", "designated", "parked", "phase", "steps", "goal",
+    "from_position", "from_yaw", "from_normal", "from_foot", "to_position", "to_yaw", "to_normal", "to_foot",
+)  # fmt: skip
 FAULT_BODY, FAULT_DRAG = 1, 2  # sticky bits: which quantity stopped being finite
 FAULT_NAMES = {FAULT_BODY: "position, velocity or heading", FAULT_DRAG: "drag"}
 
@@ -74,6 +79,16 @@ class Responded:
 
 
 @pytree
+class Paced:
+    """What was shown last, and what will be, of a herd that is not stepped every frame; see `crowd.pace`."""
+
+    frame: Array  # [n] int32, frames shown; `State.frame` is ahead of it or the same
+    since: Array  # [n] int32, frame of `before`; `after` is of `State.frame`
+    before: tuple[dict[str, Array], Frame]  # the part of a state that is recorded, and a frame
+    after: tuple[dict[str, Array], Frame]
+
+
+@pytree
 class State:
     """A character. V vertices (skinned drag) or J joints (rigid drag)."""
 
@@ -101,6 +116,7 @@ class State:
     previous: Array  # [3, V, n] or [7, J, n]: vertices or transforms, relative to the position
     fault: Array  # [n] int32
     responded: Responded = Responded()
+    paced: Paced | None = None
 
 
 @pytree
@@ -144,6 +160,17 @@ class Frame:
     joint_translation: Array  # [3, moving, n] m, joint to parent, unscaled
 
 
+def shown_state(state: State) -> dict[str, Array]:
+    """The part of a state that is recorded."""
+    names = ("position", "velocity", "yaw", "pitch", "desired", "phase", "fault")
+    shown = {name: getattr(state, name) for name in names}
+    if isinstance(state.gait, Strides):
+        shown |= {f"gait_{name}": getattr(state.gait, name) for name in STRIDES}
+    if state.responded.gear is not None:
+        shown["gear"] = state.responded.gear
+    return shown
+
+
 def blank_frame(layout: Layout, herd: HerdLayout, state: State) -> Frame:
     """A frame of zeros for the characters of a state [(tiles,) ..., n]: where a recording starts from."""
     *tiles, width = state.phase.shape
@@ -169,6 +196,12 @@ def blank_frame(layout: Layout, herd: HerdLayout, state: State) -> Frame:
         joint_rotation=zeros(4, herd.joints if posed else 0),
         joint_translation=zeros(3, len(herd.moving) if posed else 0),
     )
+
+
+def begun(layout: Layout, herd: HerdLayout, state: State) -> State:
+    """The state [tiles, ..., n] of a herd that is not stepped every frame, before its first step."""
+    shown = (shown_state(state), blank_frame(layout, herd, state))
+    return replace(state, paced=Paced(state.frame, state.frame, shown, shown))
 
 
 def _blank_strides(herd: HerdLayout, zeros: Callable[..., Array]) -> StrideFrame:

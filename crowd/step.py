@@ -56,12 +56,12 @@ def step(
     sense -> (effort) -> steer -> forces -> body -> gait -> pose -> feet -> arms -> skin; every arrow is a wall.
     felt: a water surface whose waves are in the fluid.
     """
-    herd = layout.herds[which]
+    layout, herd = layout.of(which), layout.herds[which]
     before, previous = state.position, state.previous
     # the mesh of the frame before is large and only the drag reads it: it does not travel through the walls
     state = dataclasses.replace(state, previous=())
     if "load" in herd.responses:
-        character = wall(lambda c, s: load.laden(layout.dt, params.events, c, s.frame), character, state)
+        character = wall(lambda c, s: load.laden(layout.frame_s, params.events, c, s.frame), character, state)
     with jax.named_scope("sense"):
         place = wall(
             lambda c, s: sense.sense(layout, world, params.fluids, s.position, s.yaw, assets.spread * c.scale, s.frame),

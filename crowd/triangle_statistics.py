@@ -62,7 +62,7 @@ def _of_frame(triangles: np.ndarray, vertices: np.ndarray, slip: np.ndarray, sur
     """Relevant ones of vertices [V, 3] that move with `slip` [V, 3] through the fluid."""
     corner, velocity = vertices[triangles], slip[triangles]
     depth = surface - corner[..., 1]
-    share, weight = _wet(depth)
+    share, weight = wet_parts(depth)
     wet = share > 1e-9
     centre = np.einsum("tk,tkc->tc", weight, velocity)[wet] / share[wet][:, None]
     normal = 0.5 * np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])[wet]
@@ -72,7 +72,7 @@ def _of_frame(triangles: np.ndarray, vertices: np.ndarray, slip: np.ndarray, sur
     return Triangles(facing[use] / np.sqrt(speed2[use]), speed2[use])
 
 
-def _wet(depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def wet_parts(depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Wet share [t] of triangles with corner depths [t, 3], and the corners' barycentric integrals [t, 3]."""
     share, weight = np.zeros(len(depth)), np.zeros_like(depth)
     below = (depth > 0).sum(1)

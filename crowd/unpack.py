@@ -9,27 +9,10 @@ from typing import Any
 
 import jax
 import numpy as np
-from jax import Array
 
 from crowd.layout import Layout
 from crowd.scene import HerdScene
-from crowd.state import State, StrideFrame, Strides
-
-STRIDES = (
-    "time", "designated", "parked", "phase", "steps", "goal",
-    "from_position", "from_yaw", "from_normal", "from_foot", "to_position", "to_yaw", "to_normal", "to_foot",
-)  # fmt: skip
-
-
-def shown_state(state: State) -> dict[str, Array]:
-    """The part of a state that is recorded."""
-    names = ("position", "velocity", "yaw", "pitch", "desired", "phase", "fault")
-    shown = {name: getattr(state, name) for name in names}
-    if isinstance(state.gait, Strides):
-        shown |= {f"gait_{name}": getattr(state.gait, name) for name in STRIDES}
-    if state.responded.gear is not None:
-        shown["gear"] = state.responded.gear
-    return shown
+from crowd.state import StrideFrame
 
 
 class Unpacked(Mapping[str, np.ndarray]):

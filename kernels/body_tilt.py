@@ -11,6 +11,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from kernels import controllers
 from kernels.vec import TINY, dot, unit
 
 UPRIGHT = 0.1  # m2, of a person
@@ -50,12 +51,12 @@ def lean(
     tilt: Tilt,
     current: Float[Array, "2 *b"],
     acceleration: Float[Array, "2 *b"],
-    dt: float,
+    dt: float | Array,
 ) -> Float[Array, "2 *b"]:
     """Low-passed lean (left, ahead) from the smoothed acceleration in the character's axes, m/s2."""
     amount = tilt.accelerate * tilt.accelerate_sensitivity
     wanted = jnp.stack([acceleration[0] * amount * (1.0 - tilt.hug_x), acceleration[1] * amount * (1.0 - tilt.hug_z)])
-    return current + (wanted - current) * min(10.0 * dt, 1.0)
+    return current + (wanted - current) * controllers.approach(10.0, dt)
 
 
 def up_axes(

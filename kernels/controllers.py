@@ -29,7 +29,7 @@ def velocity(
     mass: Float[Array, "*b"],
     gain: Float[Array, "*b"],
     damping: Float[Array, "*b"],
-    dt: float,
+    dt: float | Array,
 ) -> tuple[Float[Array, "*b"], Float[Array, "*b"]]:
     """One component of the velocity after dt, and the way travelled meanwhile (m).
 
@@ -52,7 +52,7 @@ def orientation(
     inertia: Float[Array, "*b"],
     gain: Float[Array, "*b"],
     damping: Float[Array, "*b"],
-    dt: float,
+    dt: float | Array,
 ) -> tuple[Float[Array, "*b"], Float[Array, "*b"]]:
     """Angle and rate after dt of I a'' = tau - c (a' - a'_0) + k (a_d - a) - b a' (Eq. 2).
 
@@ -82,9 +82,14 @@ def orientation(
     return rest + new_offset, new_rate
 
 
-def low_pass(dt: float, time: Float[Array, "*b"]) -> Float[Array, "*b"]:
+def low_pass(dt: float | Array, time: Float[Array, "*b"]) -> Float[Array, "*b"]:
     """Share of the way to its input that a first-order low-pass of this time constant goes in dt; 1 at time 0."""
     return -jnp.expm1(-dt / jnp.maximum(time, 1e-9))
+
+
+def approach(rate: float, dt: float | Array) -> float | Array:
+    """Share of the way to its input that Euler's step of dt goes at a rate in 1/s; a plain number where dt is one."""
+    return min(rate * dt, 1.0) if isinstance(dt, float) else jnp.minimum(rate * dt, 1.0)
 
 
 def wrap(angle: Float[Array, "*b"]) -> Float[Array, "*b"]:

@@ -94,7 +94,7 @@ def smoothed(
     seek: Float[Array, "*#b"],
     cycle: Float[Array, "*#b"],
     designated: Float[Array, "*b"],
-    dt: float,
+    dt: float | Array,
     wall: Wall = no_wall,
 ) -> tuple[Float[Array, "3 *b"], Float[Array, "3 *b"], Bool[Array, "*b"]]:
     """Footprint position, its goal, and whether that is the prediction, after the frame (4.5), while time < strike.

@@ -12,7 +12,7 @@ TURN = 6.283185307179586
 
 
 def impulses(
-    key: Array, number: Int[Array, "n"], frame: Int[Array, "n"], rate: Array, size: Array, dt: float
+    key: Array, number: Int[Array, "n"], frame: Int[Array, "n"], rate: Array, size: Array, dt: float | Array
 ) -> Float[Array, "2 n"]:
     """Impulse (x, z) in N s on each character in a frame; mostly 0.
 

@@ -16,7 +16,7 @@ def approach(
     desired: Float[Array, "2 *b"],
     acceleration: Float[Array, "*#b"],
     deceleration: Float[Array, "*#b"],
-    dt: float,
+    dt: float | Array,
 ) -> tuple[Float[Array, "2 *b"], Float[Array, "2 *b"]]:
     """The command after dt on its straight way to the desired velocity, and its mean meanwhile (m/s).
 

@@ -38,7 +38,7 @@ class _Goal(NamedTuple):
 
 
 def arms(
-    dt: float,
+    dt: float | Array,
     herd: HerdLayout,
     assets: HerdAssets,
     params: Params,
@@ -93,7 +93,7 @@ def _level(assets: HerdAssets, params: Params, character: Character, surface: Ar
     return jnp.maximum(surface, -1e3) + params.control.arm_margin + HAND * assets.arm_length * character.scale
 
 
-def _raised(dt: float, assets: HerdAssets, character: Character, state: State, below: Array) -> Array:
+def _raised(dt: float | Array, assets: HerdAssets, character: Character, state: State, below: Array) -> Array:
     """[A, n] how far arms are raised after the frame: with play of a band of depths, and slowly."""
     own, before = character.responses.arms, state.responded.raised
     assert own is not None and before is not None

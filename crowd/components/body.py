@@ -40,7 +40,7 @@ def body(
     return dataclasses.replace(state, **wall(_kept, state, new))
 
 
-def _moved(dt: float, character: Character, state: State, course: Array, wrench: Wrench) -> Array:
+def _moved(dt: float | Array, character: Character, state: State, course: Array, wrench: Wrench) -> Array:
     """[4, n]: velocity (x, z) after the frame and the way (x, z) meanwhile, from the controllers along both axes."""
     sin, cos = sin_cos(state.heading)
 
@@ -64,7 +64,7 @@ def _moved(dt: float, character: Character, state: State, course: Array, wrench:
     )
 
 
-def _turned(dt: float, character: Character, state: State, wrench: Wrench) -> Array:
+def _turned(dt: float | Array, character: Character, state: State, wrench: Wrench) -> Array:
     """[4, n]: yaw, its rate, pitch and its rate after the frame."""
     yaw, yaw_rate = controllers.orientation(
         state.yaw,
@@ -92,7 +92,7 @@ def _turned(dt: float, character: Character, state: State, wrench: Wrench) -> Ar
 
 
 def _entered(
-    dt: float, params: Params, state: State, moved: Array, turned: Array, place: Surroundings
+    dt: float | Array, params: Params, state: State, moved: Array, turned: Array, place: Surroundings
 ) -> dict[str, Array]:
     """Fields of the state that move, and the ground height and velocity that follow them slowly."""
     velocity, way = moved[:2], moved[2:]

@@ -34,7 +34,9 @@ def region(layout: Layout, fluids: Fluids, place: Array, ground: Array) -> Here:
 
 
 def seconds(layout: Layout, frame: Array) -> Array:
-    """Time in s at the end of a frame: what it records."""
+    """Time in s at the end of a frame, or of the frames that a step takes: what it records."""
+    if layout.tick:
+        return frame.astype(jnp.float32) * layout.tick + layout.dt
     return (frame + 1).astype(jnp.float32) * layout.dt
 
 

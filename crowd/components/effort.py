@@ -21,7 +21,7 @@ SLOW = 0.1  # of the height per second: nor does moving less fast than this thro
 WIDEST = 1.5  # of the height: more is an impact, not a width
 
 
-def responded(dt: float, assets: HerdAssets, character: Character, state: State, place: Surroundings) -> State:
+def responded(dt: float | Array, assets: HerdAssets, character: Character, state: State, place: Surroundings) -> State:
     """The state with width, gear and time of rest after the frame, from the drag of the frame before."""
     own, past = character.responses.transitions, state.responded
     assert own is not None and past.width is not None and past.gear is not None and past.rested is not None

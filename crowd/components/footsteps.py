@@ -138,7 +138,7 @@ def _poses(herd: HerdLayout, state: State, blend: Mix) -> Poses:
     return Poses(column, share, None)
 
 
-def _followed(dt: float, control: Control, state: State) -> dict[str, Array]:
+def _followed(dt: float | Array, control: Control, state: State) -> dict[str, Array]:
     """The low-passed velocity, which steps follow, and the low-passed commanded speed, which picks the gait."""
     steps = state.gait
     desired = jnp.sqrt(state.command[0] ** 2 + state.command[1] ** 2 + TINY)
@@ -179,7 +179,7 @@ def _pace(
 
 
 def _swing(
-    dt: float,
+    dt: float | Array,
     control: Control,
     assets: HerdAssets,
     character: Character,

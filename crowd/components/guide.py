@@ -48,7 +48,7 @@ def towards_waypoint(herd: HerdLayout, assets: HerdAssets, character: Character,
     )
 
 
-def along_path(dt: float, herd: HerdLayout, assets: HerdAssets, character: Character, state: State) -> State:
+def along_path(dt: float | Array, herd: HerdLayout, assets: HerdAssets, character: Character, state: State) -> State:
     """Desired velocity along the curve and back to it, turned as much earlier as the body's direction is late.
 
     The way done grows with the character's own way along the curve's tangent, so one that is held back or pushed
@@ -81,13 +81,14 @@ def along_path(dt: float, herd: HerdLayout, assets: HerdAssets, character: Chara
     )
 
 
-def on_track(dt: float, assets: HerdAssets, character: Character, state: State) -> State:
+def on_track(tick: float | Array, dt: float | Array, assets: HerdAssets, character: Character, state: State) -> State:
     """Desired velocity and facing of the trajectory: its velocity, as much earlier as the body is late, and a pull.
 
     Before the first and after the last sample the velocity is zero; the pull brings characters to that place.
+    tick, dt: s, of a frame and of this step.
     """
     active = state.waypoint >= 0
-    time = state.frame.astype(jnp.float32) * dt
+    time = state.frame.astype(jnp.float32) * tick
     now = steering.between(character.track, time * assets.track_rate)
     soon = steering.between(character.track, (time + 0.5 * dt + _response(character)) * assets.track_rate)
     x, z = now[0] - state.position[0], now[1] - state.position[2]

@@ -14,7 +14,7 @@ from kernels.vec import TINY
 HANDLING = 0.5  # s that picking up and putting down take
 
 
-def laden(dt: float, events: Events, character: Character, frame: Array) -> Character:
+def laden(dt: float | Array, events: Events, character: Character, frame: Array) -> Character:
     """The character with the mass and inertia of its load in this frame, and a load of as much as is carried then.
 
     Inertia grows by m (ahead^2 + above^2) in pitch and m ahead^2 in yaw, about the hips (parallel axis). The weight on
@@ -35,7 +35,7 @@ def laden(dt: float, events: Events, character: Character, frame: Array) -> Char
     )
 
 
-def _carried(dt: float, events: Events, starts: Array, meets: Array, frame: Array) -> Array:
+def _carried(dt: float | Array, events: Events, starts: Array, meets: Array, frame: Array) -> Array:
     """[n] share of the load that is carried; events change it within HANDLING."""
     share = starts
     if events.loads is not None:

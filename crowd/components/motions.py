@@ -38,7 +38,7 @@ def mixed(table: Array, share: Array) -> Array:
 
 
 def channels(
-    herd: HerdLayout, dt: float, events: StyleEvents, chosen: Array, frame: Array, own: Strides
+    herd: HerdLayout, dt: float | Array, events: StyleEvents, chosen: Array, frame: Array, own: Strides
 ) -> dict[str, Array]:
     """Weights of styles and other clips after the frame: the goal's grows at its rate, the others make room (6.4, 6.5).
 

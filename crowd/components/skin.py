@@ -151,7 +151,7 @@ def _uneven(layout: Layout, fluids: Fluids, place: Surroundings, state: State, p
     )
 
 
-def _bone_velocity(rate: float, now: Array, before: Array, way: Array, flow: Array) -> Array:
+def _bone_velocity(rate: float | Array, now: Array, before: Array, way: Array, flow: Array) -> Array:
     """[6, J, n]: velocity of each bone's origin less the flow, and its spin in its own frame."""
     linear = (now[4:] - before[4:] + way[:, None]) * rate - _spread(flow, now)
     turn = quat.multiply(quat.conjugate(before[:4]), now[:4])

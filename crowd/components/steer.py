@@ -51,13 +51,13 @@ def _asked(
     if herd.path:
         state = guide.along_path(layout.dt, herd, assets, character, state)
     if herd.track:
-        state = guide.on_track(layout.dt, assets, character, state)
+        state = guide.on_track(layout.frame_s, layout.dt, assets, character, state)
     names = ("desired", "waypoint", "along", "follows", "looks", "facing")
     return {name: getattr(state, name) for name in names}
 
 
 def _commanded(
-    dt: float, herd: HerdLayout, assets: HerdAssets, character: Character, state: State
+    dt: float | Array, herd: HerdLayout, assets: HerdAssets, character: Character, state: State
 ) -> tuple[Array, Array]:
     """[2, n] m/s: the command at the end of the frame, and its mean over it. Load and effort may leave less to it."""
     wanted = state.desired
@@ -69,7 +69,7 @@ def _commanded(
 
 
 def _turned(
-    dt: float, herd: HerdLayout, assets: HerdAssets, character: Character, state: State, mean: Array
+    dt: float | Array, herd: HerdLayout, assets: HerdAssets, character: Character, state: State, mean: Array
 ) -> tuple[dict[str, Array], Array]:
     """Facing and heading after the frame, and the course."""
     x, z = state.command

@@ -97,13 +97,13 @@ def _with(state: State, **changes: Array) -> State:
     return dataclasses.replace(state, gait=dataclasses.replace(state.gait, **changes))
 
 
-def _tracked(dt: float, reaction: Array | None, state: State, climb: Array) -> dict[str, Array]:
+def _tracked(dt: float | Array, reaction: Array | None, state: State, climb: Array) -> dict[str, Array]:
     """Velocity, acceleration and yaw rate, low-passed (4.1). The velocity is the body's own.
 
     reaction: [n] s, time constant of the velocity, acceleration and yaw rate have SLOWER times it; None: 0.1 s, as one
     share per frame. The first frame has no acceleration.
     """
-    fast, slow = (min(rate * dt, 1.0) for rate in (10.0, 3.0))
+    fast, slow = (controllers.approach(rate, dt) for rate in (10.0, 3.0))
     if reaction is not None:
         fast, slow = (controllers.low_pass(dt, times * reaction) for times in (1.0, SLOWER))
     own: Strides = state.gait
@@ -151,7 +151,7 @@ def _cycle_duration(
 
 
 def _clocks(
-    herd: HerdLayout, own: StrideAssets, dt: float, state: State, blend: Blend, cycle_s: Array
+    herd: HerdLayout, own: StrideAssets, dt: float | Array, state: State, blend: Blend, cycle_s: Array
 ) -> dict[str, Array]:
     """Phases after the frame (3.7): the common clock stands while every leg rests."""
     moves = ~state.gait.parked.all(0) & (state.fault == 0)
@@ -242,7 +242,7 @@ def _way(state: State, cycle_s: Array) -> tuple[Array, Array]:
     return jnp.stack([x, z]) / speed, speed * cycle_s
 
 
-def _leaning(control: StrideControl, dt: float, state: State) -> Array:
+def _leaning(control: StrideControl, dt: float | Array, state: State) -> Array:
     x, _, z = state.gait.acceleration
     sin, cos = sin_cos(state.yaw)
     return body_tilt.lean(control.tilt, state.gait.leaning, jnp.stack([x * cos - z * sin, x * sin + z * cos]), dt)

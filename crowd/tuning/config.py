@@ -122,7 +122,7 @@ def load(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) 
     scenario, found = _scenario(document, path.parent if path is not None else Path.cwd())
     problems += found
     if tune is not None and scenario is not None:
-        problems += _bounds(tune, document) + _targets(tune, scenario, document)
+        problems += _bounds(tune, document) + _targets(tune, scenario, document) + _paced(scenario)
     if problems or tune is None or scenario is None:
         raise InputError(dict.fromkeys(problems))
     return Problemset(tune=tune, scenario=scenario, document=document)
@@ -139,6 +139,15 @@ def _scenario(document: Document, folder: Path) -> tuple[Scenario | None, list[P
     except InputError as error:
         return None, list(error.problems)
     return None, []  # reported by validation
+
+
+def _paced(scenario: Scenario) -> list[Problem]:
+    """Herds that are not stepped every frame: nothing here is differentiated through that."""
+    return [
+        Problem(scenario.where("herds", index, "detail", "every"), f"{herd.detail.every}: tuning steps every frame")
+        for index, herd in enumerate(scenario.herds)
+        if herd.detail is not None and herd.detail.every > 1
+    ]
 
 
 def _bounds(tune: Tune, document: Document) -> list[Problem]:

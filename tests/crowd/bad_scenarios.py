@@ -507,4 +507,39 @@ TABLE = [
     ),
     Bad("elbow", *more("  responses: {arms: {most_elbow_deg: 180}}\n"), ("arms.most_elbow_deg: 180: must be",)),
     Bad("response", *more("  responses: {transition: {}}\n"), ("unknown key 'transition' (did you mean",)),
+    # levels of detail
+    Bad("no detail", *more("  detail: {}\n"), (":9 herds[0].detail.triangles: missing", "(or mesh or every)")),
+    Bad(
+        "detail key",
+        *more("  detail: {triangls: 200, every: 2}\n"),
+        (":9 herds[0].detail.triangls: unknown key 'triangls' (did you mean 'triangles'?)", "calm_m_s2"),
+    ),
+    Bad("too few triangles", *more("  detail: {triangles: 12}\n"), ("detail.triangles: 12: must be greater",)),
+    Bad("detail mesh", *more("  detail: {mesh: skined}\n"), (":9 herds[0].detail.mesh: 'skined'", "'skinned'?")),
+    Bad("never stepped", *more("  detail: {every: 0}\n"), ("detail.every: 0: must be greater",)),
+    Bad("half steps", *more("  detail: {every: 1.5}\n"), ("detail.every: 1.5",)),
+    Bad(
+        "steps too long",
+        *more("  detail: {every: 4}\nrate_hz: 30\n"),
+        (":9 herds[0].detail.every: 4: of 30 frames per second; at least 15 steps are needed (at most 2)",),
+    ),
+    Bad("far from where", *more("  detail: {every: 2, far_m: 30}\n"), ("detail.far_m: 'from_m' is needed too",)),
+    Bad("where from", *more("  detail: {every: 2, from_m: [0, 0]}\n"), ("detail.from_m: 'far_m' is needed too",)),
+    Bad("no unit in far", *more("  detail: {every: 2, far: 30}\n"), ("detail.far", "did you mean 'far_m'?")),
+    Bad(
+        "calm but exact",
+        *more("  detail: {mesh: rigid, calm_m_s2: 0.5}\n"),
+        ("detail.calm_m_s2: says which characters `every` slows down",),
+    ),
+    Bad(
+        "fewer triangles with a belt",
+        *more("  belt: true\n  detail: {triangles: 200}\n"),
+        (":10 herds[0].detail.triangles: 200: a belt is all triangles",),
+    ),
+    Bad(
+        "slow in moving water",
+        "speed_m_s: 1.3\n",
+        f"speed_m_s: 1.3\n  detail: {{every: 2}}\n{FLUIDS}  - {POOL}\n  water: {{}}\n",
+        (":9 herds[0].detail.every: 2: characters meet in `world.water` every frame",),
+    ),
 ]

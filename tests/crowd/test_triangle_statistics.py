@@ -56,7 +56,7 @@ def test_wet_parts() -> None:
     """Shares and centroids of clipped triangles against a fine subdivision."""
     rng = np.random.default_rng(0)
     depth = rng.normal(size=(200, 3))
-    share, weight = statistics._wet(depth)
+    share, weight = statistics.wet_parts(depth)
     n = 200
     i, j = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
     inside = i + j < n
