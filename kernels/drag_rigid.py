@@ -187,11 +187,11 @@ def _pulled(
         found = on._replace(bone=apart(_spread, which, on.bone)), apart(_spread, which, on_moved)
         return jax.tree.map(jnp.add, total, found)
 
-    wide = Ride(ride.bone, *(jnp.broadcast_to(x, ride.scale.shape) for x in ride[1:]))
-    start = jax.tree.map(jnp.zeros_like, (wide, transforms))
+    one = jnp.zeros_like(ride.scale)  # what all characters may have alike is added up for each at first
+    start = Ride(jnp.zeros_like(ride.bone), one, one, one), jnp.zeros_like(transforms)
     on, on_transforms = _over_wet(bones, apart, mesh, ride, group, start)
-    narrow = (x.sum(tuple(range(x.ndim - y.ndim))) for x, y in zip(on[1:], ride[1:], strict=True))
-    return Ride(on.bone, *narrow), on_transforms
+    narrow = jax.vjp(lambda *numbers: [jnp.broadcast_to(x, ride.scale.shape) for x in numbers], *ride[1:])[1]
+    return Ride(on.bone, *narrow([*on[1:]])), on_transforms
 
 
 def _spread(which: Array, blocks: Array) -> Array:

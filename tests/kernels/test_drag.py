@@ -151,6 +151,19 @@ def test_rigid_gradients(submersion: str, mode: str) -> None:
     assert_gradients_agree(lambda *at: run(mesh, *at), *at, *water, tolerance=1e-4)
 
 
+@pytest.mark.parametrize("shape", [(), (1,)])
+def test_rigid_gradients_of_a_fluid_alike_for_all(shape: tuple[int, ...]) -> None:
+    bones, mesh, at, _ = rigid_blob((2,), seed=6)
+    density, offset, *rest = fluid(0.05, OFFSET, batch=(2,))
+    with jax.enable_x64(True):
+        mesh, at, rest = (tuple(jnp.asarray(x) for x in group) for group in (mesh, at, rest))
+
+    def run(density, offset):
+        return rigid(bones, flag=True)(mesh, *at, density, offset, *rest)
+
+    assert_gradients_agree(run, np.full(shape, density[0]), np.full(shape, offset[0]), tolerance=1e-4)
+
+
 def test_rigid_gradients_of_the_mesh() -> None:
     """No scenario asks for them; they are there all the same, and right."""
     bones, mesh, at, _ = rigid_blob((2,), seed=6)
