@@ -19,6 +19,7 @@ def measured(case: Case, runs: int) -> dict[str, Any]:
     import numpy as np
 
     import crowd
+    from crowd.compiler_options import options
 
     started = time.perf_counter()
     roll = crowd.rollout(crowd.load(scenario(case)), case.gradient / RATE)
@@ -28,7 +29,9 @@ def measured(case: Case, runs: int) -> dict[str, Any]:
         return (shown**2).mean()
 
     built = time.perf_counter()
-    gradient = jax.jit(jax.value_and_grad(loss, allow_int=True)).lower(roll.params, roll.start)
+    gradient = jax.jit(jax.value_and_grad(loss, allow_int=True), compiler_options=options()).lower(
+        roll.params, roll.start
+    )
     traced, processor = time.perf_counter(), time.process_time()
     backward = gradient.compile()
     line: dict[str, Any] = {
@@ -43,7 +46,7 @@ def measured(case: Case, runs: int) -> dict[str, Any]:
         line["temp_bytes_per_character"] = round(memory.temp_size_in_bytes / case.count, 1)
     if not runs:
         return line
-    forward = jax.jit(loss).lower(roll.params, roll.start).compile()
+    forward = jax.jit(loss, compiler_options=options()).lower(roll.params, roll.start).compile()
     if not all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(backward(roll.params, roll.start)[1]) if leaf.size):
         raise SystemExit("the gradient is not finite")
     wall, used = in_turns([lambda: forward(roll.params, roll.start), lambda: backward(roll.params, roll.start)], runs)

@@ -65,6 +65,7 @@ def stepped(program: Any, frames: int) -> Callable[[], Any]:
     """Compiles `frames` frames in one scan; calling steps from the start on and returns the states."""
     import jax
 
+    from crowd.compiler_options import options
     from crowd.simulate import one_frame
 
     layout, assets, params, states = program
@@ -76,7 +77,7 @@ def stepped(program: Any, frames: int) -> Callable[[], Any]:
         return jax.lax.scan(frame, states, None, length=frames)[0]
 
     given = assets, params, states
-    executable = jax.jit(run).lower(*given).compile()
+    executable = jax.jit(run, compiler_options=options()).lower(*given).compile()
     return lambda: executable(*given)
 
 

@@ -46,7 +46,8 @@ class Rollout:
 
         read(states, frames): a pytree of arrays out of a `crowd.state.State` and a `crowd.state.Frame` of each herd,
         [tiles, ..., n]; padding repeats the first character. Derivatives do not reach into the frames of settling.
-        Pass `start` through `jax.jit` as an argument: arrays that it encloses become constants of the program.
+        Pass `start` through `jax.jit` as an argument: arrays that it encloses become constants of the program. With
+        `compiler_options=crowd.compiler_options.options()` frames have the bits, and the speed, of a plain run.
         """
 
         def advance(states: tuple[Any, ...]) -> tuple[tuple[Any, ...], Any]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import crowd
+from crowd.compiler_options import options
 from crowd.params import Params
 from crowd.rollouts import Rollout, Start
 from tests.crowd.scenes import herd, run, scenario
@@ -32,7 +33,7 @@ def test_frames_are_those_of_a_plain_run_and_it_goes_on_from_its_end() -> None:
     def both(params: Params, start: Start) -> Any:
         return roll(params, start, velocity)
 
-    once = jax.jit(both)
+    once = jax.jit(both, compiler_options=options())
     shown, end = once(roll.params, roll.start)
     more, _ = once(roll.params, end)
     plain = run(MODEL, 2 * SECONDS)["p"]
