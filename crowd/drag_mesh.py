@@ -6,13 +6,13 @@ import dataclasses
 
 import numpy as np
 
+from crowd.characters.mesh_cleaning import signed_volume
 from crowd.characters.simplification import simplify
 from crowd.types import Mesh
 
 SLOTS = 4  # bones of a vertex
 WELD = 1e-5  # of the mesh's size: vertices nearer than that are one
 ROUNDS = 3  # of restoring the volume
-BLOCK = 2_000_000  # pairs of points and triangles at a time
 
 
 def decimated(mesh: Mesh, triangles: int) -> Mesh:
@@ -27,7 +27,7 @@ def decimated(mesh: Mesh, triangles: int) -> Mesh:
     np.add.at(dense, (np.arange(len(dense))[:, None], mesh.joints), mesh.weights)
     first, faces = _welded(mesh)
     vertices, faces = simplify(mesh.vertices[first], faces, dense[first], triangles)
-    vertices = _as_large(vertices, faces, volume(mesh.vertices, mesh.triangles))
+    vertices = _as_large(vertices, faces, signed_volume(mesh.vertices, mesh.triangles))
     dense = _carried(mesh, dense, vertices)
     joints = np.argsort(-dense, axis=1, kind="stable")[:, :SLOTS]
     weights = np.take_along_axis(dense, joints, 1)
@@ -39,12 +39,6 @@ def decimated(mesh: Mesh, triangles: int) -> Mesh:
         joints=np.where(weights > 0, joints, joints[:, :1]).astype(np.int32),
         weights=weights,
     )
-
-
-def volume(vertices: np.ndarray, triangles: np.ndarray) -> float:
-    """m3 enclosed by a closed surface."""
-    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
-    return float((np.cross(a, b) * c).sum() / 6.0)
 
 
 def _welded(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
@@ -77,54 +71,22 @@ def _as_large(vertices: np.ndarray, triangles: np.ndarray, wanted: float) -> np.
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
         gain = float((area * normal[triangles].mean(1)).sum())  # m3 for a metre along the normals
         size = float(np.cbrt(max(wanted, 0.0)))
-        move = (wanted - volume(vertices, triangles)) / max(gain, 1e-12)
+        move = (wanted - signed_volume(vertices, triangles)) / max(gain, 1e-12)
         vertices = vertices + np.clip(move, -0.02 * size, 0.02 * size) * normal
     return vertices
 
 
 def _carried(mesh: Mesh, dense: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """[P, J] weights of the skin at its points nearest to the given ones [P, 3]."""
-    step = max(1, BLOCK // len(mesh.triangles))
-    parts = [_nearest(mesh, points[first : first + step]) for first in range(0, len(points), step)]
-    which, share = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return np.einsum("pk,pkj->pj", share, dense[mesh.triangles[which]])
+    """[P, J] weights of the skin at its places nearest to the given points [P, 3]."""
+    from trimesh.triangles import closest_point, points_to_barycentric
 
-
-def _nearest(mesh: Mesh, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The triangle nearest to each point [P, 3] and the barycentric coordinates [P, 3] of the nearest place on it.
-
-    A place inside the triangle where the point stands over it, otherwise the best of its three edges.
-    """
     corner = mesh.vertices[mesh.triangles]
-    best, which, share = np.full(len(points), np.inf), np.zeros(len(points), int), np.zeros((len(points), 3))
-    for weight in _candidates(corner, points):
-        place = np.einsum("ptk,tkc->ptc", weight, corner)
-        far = np.sum((place - points[:, None]) ** 2, -1)
-        near = far.argmin(1)
-        rows = np.arange(len(points))
-        closer = far[rows, near] < best
-        best = np.where(closer, far[rows, near], best)
-        which = np.where(closer, near, which)
-        share = np.where(closer[:, None], weight[rows, near], share)
-    return which, share
-
-
-def _candidates(corner: np.ndarray, points: np.ndarray) -> list[np.ndarray]:
-    """Barycentric coordinates [P, T, 3] of places on triangles [T, 3, 3]: under the points, and on edges."""
-    a, b, c = np.moveaxis(corner, 1, 0)
-    u, v, w = b - a, c - a, points[:, None] - a
-    uu, uv, vv = (np.sum(x * y, -1) for x, y in ((u, u), (u, v), (v, v)))
-    wu, wv = np.sum(w * u, -1), np.sum(w * v, -1)
-    whole = np.maximum(uu * vv - uv * uv, 1e-30)
-    second, third = (vv * wu - uv * wv) / whole, (uu * wv - uv * wu) / whole
-    inside = np.stack([1.0 - second - third, second, third], -1)
-    inside = np.where((inside >= 0).all(-1, keepdims=True), inside, np.array([1.0, 0.0, 0.0]))
-    found = [inside]
-    for one, other in ((0, 1), (1, 2), (2, 0)):
-        way = corner[:, other] - corner[:, one]
-        along = np.sum((points[:, None] - corner[:, one]) * way, -1) / np.maximum(np.sum(way * way, -1), 1e-30)
-        along = np.clip(along, 0.0, 1.0)
-        weight = np.zeros((*along.shape, 3))
-        weight[..., one], weight[..., other] = 1.0 - along, along
-        found.append(weight)
+    real = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1) > 0
+    corner, faces = corner[real], mesh.triangles[real]
+    found = np.empty((len(points), dense.shape[1]))
+    for row, point in enumerate(points):
+        place = closest_point(corner, np.broadcast_to(point, (len(corner), 3)))
+        near = np.sum((place - point) ** 2, 1).argmin()
+        share = points_to_barycentric(corner[near][None], place[near][None])[0]
+        found[row] = np.clip(share, 0.0, 1.0) @ dense[faces[near]]
     return found

@@ -109,12 +109,11 @@ def _frames(herd: HerdLayout, params: Params, character: Character, state: State
 
 
 def _calm(own: Pace, state: State, tick: float) -> Array:
-    """[n] whether the velocity changed slowly in the last step, and is about to reach what is asked for."""
+    """[n] whether the velocity changed slowly in the last step."""
     paced = state.paced
     assert paced is not None
     time = (state.frame - paced.since).astype(jnp.float32) * tick
     changes = state.velocity - paced.before[0]["velocity"]
-    # the state before the last step is shown until its turn: `after` of then
     rate = jnp.sqrt(changes[0] ** 2 + changes[1] ** 2 + TINY) / jnp.maximum(time, tick)
     return rate < own.calm
 

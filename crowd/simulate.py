@@ -115,6 +115,21 @@ def rollout(
     return tuple(state for state, _ in results), tuple(shown for _, shown in results)
 
 
+def _recorded(
+    layout: Layout, chunk: int, frames: Array, start: Any, advance: Callable[[Any], Any], show: Callable[[Any], Any]
+) -> tuple[Any, Any]:
+    """The end of `chunk` recorded frames from `start`, and what `show` gives after each, stacked."""
+
+    def recorded(carry: tuple[Any, Array], _: Any) -> tuple[Any, Any]:
+        now, left = carry
+        count = jnp.clip(left, 0, layout.record_every)
+        now = jax.lax.fori_loop(0, count, lambda _, now: advance(now), now)
+        return (now, left - count), show(now)
+
+    (end, _), shown = jax.lax.scan(recorded, (start, frames), None, length=chunk)
+    return end, shown
+
+
 def _herd_on(
     layout: Layout, chunk: int, which: int, assets: Assets, params: Params, states: State, frames: Array
 ) -> tuple[State, Any]:
@@ -126,17 +141,14 @@ def _herd_on(
     def tile(pair: tuple[Any, State]) -> tuple[State, Any]:
         character, state = pair
 
-        def advance(_: Any, carry: tuple[State, Frame]) -> tuple[State, Frame]:
-            return step(layout, which, assets.herds[which], assets.world, params, character, carry[0], wall)
+        def advance(now: tuple[State, Frame]) -> tuple[State, Frame]:
+            return step(layout, which, assets.herds[which], assets.world, params, character, now[0], wall)
 
-        def recorded(carry: Any, _: Any) -> tuple[Any, Any]:
-            state, shown, left = carry
-            count = jnp.clip(left, 0, layout.record_every)
-            state, shown = jax.lax.fori_loop(0, count, advance, (state, shown))
-            return (state, shown, left - count), (shown_state(state), shown)
+        def show(now: tuple[State, Frame]) -> tuple[dict[str, Array], Frame]:
+            return shown_state(now[0]), now[1]
 
-        start = state, blank_frame(layout, layout.herds[which], state), frames
-        (state, _, _), shown = jax.lax.scan(recorded, start, None, length=chunk)
+        start = state, blank_frame(layout, layout.herds[which], state)
+        (state, _), shown = _recorded(layout, chunk, frames, start, advance, show)
         return state, shown
 
     pairs = params.characters[which], states
@@ -149,16 +161,10 @@ def _turns_on(
     """`rollout` of a herd whose tiles take turns."""
     wall = apart if layout.walls else no_wall
 
-    def advance(_: Any, state: State) -> State:
+    def advance(state: State) -> State:
         return pace.frame_on(layout, which, assets.herds[which], assets.world, params, state, wall)
 
-    def recorded(carry: tuple[State, Array], _: Any) -> tuple[Any, Any]:
-        state, left = carry
-        count = jnp.clip(left, 0, layout.record_every)
-        state = jax.lax.fori_loop(0, count, advance, state)
-        return (state, left - count), pace.between(state, wall)
-
-    (states, _), shown = jax.lax.scan(recorded, (states, frames), None, length=chunk)
+    states, shown = _recorded(layout, chunk, frames, states, advance, lambda state: pace.between(state, wall))
     return states, jax.tree.map(lambda x: jnp.swapaxes(x, 0, 1), shown)
 
 
@@ -169,19 +175,16 @@ def _together_on(
     herds = len(layout.herds)
     waves = water_surface.prepared(layout, assets, params)
 
-    def advance(_: Any, carry: Any) -> Any:
-        return one_frame(layout, assets, params, carry[0], waves)
+    def advance(now: Any) -> Any:
+        return one_frame(layout, assets, params, now[0], waves)
 
-    def recorded(carry: Any, _: Any) -> tuple[Any, Any]:
-        states, shown, left = carry
-        count = jnp.clip(left, 0, layout.record_every)
-        states, shown = jax.lax.fori_loop(0, count, advance, (states, shown))
+    def show(now: Any) -> Any:
+        states, frames = now
         slim = tuple(shown_state(state) for state in states[:herds])
-        surface = tuple(water.height for water in states[herds:])
-        return (states, shown, left - count), (tuple(zip(slim, shown, strict=True)), surface)
+        return tuple(zip(slim, frames, strict=True)), tuple(water.height for water in states[herds:])
 
     blank = tuple(blank_frame(layout, herd, state) for herd, state in zip(layout.herds, states[:herds], strict=True))
-    (states, _, _), (shown, surface) = jax.lax.scan(recorded, (states, blank, frames), None, length=chunk)
+    (states, _), (shown, surface) = _recorded(layout, chunk, frames, (states, blank), advance, show)
     return states, (*jax.tree.map(lambda x: jnp.swapaxes(x, 0, 1), shown), *surface)
 
 

@@ -61,7 +61,7 @@ def pulled(
 
     ride: of the blocks. rows: `readings` of the mesh. Of the scale and the fluid's numbers they are [*b].
     """
-    (s, m), wet, *_ = moments_and_arrays(submersion, mode, wall, mesh, ride)
+    (s, m), wet = moments_and_arrays(submersion, mode, wall, mesh, ride)
     size = jnp.broadcast_to(ride.scale, s.shape[1:])
 
     def whole(s: Array, m: Array, bone: Array, at: Array, size: Array, cotangent: Array) -> tuple[Array, ...]:

@@ -100,13 +100,13 @@ def _total(
     if wall.flag is None:
         return _of_blocks(submersion, mode, wall, mesh, ride, bones, transforms)
 
-    def group(own: Own, total: Array) -> Array:
+    def group(own: _Own, total: Array) -> Array:
         return total + _of_blocks(submersion, mode, wall, own.mesh(mesh), ride, own(jnp.asarray(bones)), transforms)
 
     return _over_wet(bones, wall, mesh, ride, group, jnp.zeros((8, *ride.scale.shape), transforms.dtype))
 
 
-class Own(NamedTuple):
+class _Own(NamedTuple):
     """The part of arrays of blocks that belongs to a group."""
 
     first: Array
@@ -120,14 +120,14 @@ class Own(NamedTuple):
 
 
 def _over_wet(
-    bones: np.ndarray, wall: Wall, mesh: RigidMesh, ride: Ride, group: Callable[[Own, Any], Any], start: Any
+    bones: np.ndarray, wall: Wall, mesh: RigidMesh, ride: Ride, group: Callable[[_Own, Any], Any], start: Any
 ) -> Any:
     """What `group` makes of `start`, for every group of blocks up to the last that any character wets."""
     groups = groups_of(len(bones))
     size = len(bones) // groups
     surface = wall(lambda bone: bone[bones, 6:10], ride.bone)
     count = wall(functools.partial(_touched, groups), wall(_nearest, mesh.bounds, surface))
-    return jax.lax.fori_loop(0, count, lambda number, total: group(Own(number * size, size), total), start)
+    return jax.lax.fori_loop(0, count, lambda number, total: group(_Own(number * size, size), total), start)
 
 
 def _total_jvp(bones: np.ndarray, submersion: Submersion, mode: OffsetMode, primals: Any, tangents: Any) -> Any:
@@ -156,7 +156,7 @@ def _changed(
     """[8, *b]: change of the totals with the ride and the transforms."""
     mesh, *at = given
 
-    def group(own: Own, total: Array) -> Array:
+    def group(own: _Own, total: Array) -> Array:
         def part(ride: Ride, transforms: Array) -> Array:
             return _of_blocks(submersion, mode, apart, own.mesh(mesh), ride, own(jnp.asarray(bones)), transforms)
 
@@ -177,7 +177,7 @@ def _pulled(
     rows = backwards.readings(mesh, ride.bone.shape[1] - 9)
     joints = np.arange(len(transforms))
 
-    def group(own: Own, total: tuple[Ride, Array]) -> tuple[Ride, Array]:
+    def group(own: _Own, total: tuple[Ride, Array]) -> tuple[Ride, Array]:
         bone = own(jnp.asarray(bones))
         here = ride._replace(bone=apart(lambda x: x[bone], ride.bone))
         part = [(first, own(each)) for first, each in rows]

@@ -105,11 +105,6 @@ no_wall = Wall(None)
 apart = Wall(True)
 
 
-def through(flag: Array) -> Wall:
-    """A gate: `flag` is a scalar bool; where it is false stages are not run and give zeros."""
-    return Wall(flag)
-
-
 def _reach(jaxpr: Any) -> tuple[frozenset[int], ...]:
     """For each output, the operands that its derivative may depend on."""
     inputs = (*jaxpr.constvars, *jaxpr.invars)

@@ -11,8 +11,9 @@ import trimesh
 
 from crowd import scene
 from crowd.build import build
+from crowd.characters.mesh_cleaning import signed_volume
 from crowd.drag_error import _corners, _moments, _wrench, detail_notes, detail_rows, drag_error
-from crowd.drag_mesh import decimated, volume
+from crowd.drag_mesh import decimated
 from crowd.scene import HerdScene, Scene
 from crowd.types import Mesh
 from kernels.drag import Fluid
@@ -77,7 +78,9 @@ def test_seams_do_not_open(people: HerdScene) -> None:
     )
     mesh = decimated(torn, 300)
     assert shape(mesh).is_watertight
-    assert volume(mesh.vertices, mesh.triangles) == pytest.approx(volume(skin.vertices, skin.triangles), rel=2e-3)
+    assert signed_volume(mesh.vertices, mesh.triangles) == pytest.approx(
+        signed_volume(skin.vertices, skin.triangles), rel=2e-3
+    )
 
 
 def test_an_open_skin_keeps_its_border(people: HerdScene) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from kernels import chain_ik
-from kernels.wall import through
+from kernels.wall import apart
 from tests.kernels.checks import (
     assert_close,
     assert_gradient_finite,
@@ -120,7 +120,7 @@ def solved(points: jax.Array, target: jax.Array) -> tuple[jax.Array, jax.Array, 
 
 def walled(points: jax.Array, target: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
     """The same behind walls, which compile faster."""
-    wall = through(jnp.isfinite(target.sum()))
+    wall = apart.gate(jnp.isfinite(target.sum()))
     after, missing = chain_ik.chain(points, target, wall=wall)
     return after, missing, chain_ik.turns(points, after, wall)
 
@@ -226,7 +226,7 @@ def test_gradients_of_the_solution() -> None:
     points = np.concatenate([leg("zigzag", 3, 4, seed=9), leg("in space", 3, 4, seed=9)], -1)
 
     def bent_leg(points: jax.Array, target: jax.Array) -> tuple[jax.Array, jax.Array]:
-        return chain_ik.chain(points, target, wall=through(jnp.isfinite(target.sum())))
+        return chain_ik.chain(points, target, wall=apart.gate(jnp.isfinite(target.sum())))
 
     assert_gradients_agree(bent_leg, points, goals(points), tolerance=1e-3)
 
@@ -235,6 +235,6 @@ def test_gradients_of_rotations() -> None:
     before, after = leg("in space", 2, 6, seed=9), leg("in space", 2, 6, seed=10)
 
     def turned(before: jax.Array, after: jax.Array) -> jax.Array:
-        return chain_ik.turns(before, after, through(jnp.isfinite(after.sum())))
+        return chain_ik.turns(before, after, apart.gate(jnp.isfinite(after.sum())))
 
     assert_gradients_agree(turned, before, after, tolerance=1e-3)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from kernels.wall import apart, no_wall, through
+from kernels.wall import apart, no_wall
 from tests.kernels.checks import assert_close
 
 X = jnp.linspace(-2.0, 2.0, 6).reshape(2, 3)
@@ -51,7 +51,7 @@ WAYS = {
 }
 
 
-WALLS = {"wall": lambda _: apart, "gate": through, "gate in a gate": lambda flag: through(flag).gate(flag)}
+WALLS = {"wall": lambda _: apart, "gate": apart.gate, "gate in a gate": lambda flag: apart.gate(flag).gate(flag)}
 
 
 @pytest.mark.parametrize("kind", STAGES)
@@ -68,7 +68,7 @@ def test_a_flag_for_each_of_a_batch() -> None:
     """Then nothing is left out, but closed walls still give zeros; backwards, too."""
     flags = jnp.array([True, False])
     both = jnp.stack([X, X])
-    value, slope = jax.vmap(jax.value_and_grad(lambda x, flag: stages(through(flag), x).sum()))(both, flags)
+    value, slope = jax.vmap(jax.value_and_grad(lambda x, flag: stages(apart.gate(flag), x).sum()))(both, flags)
     expected = jax.grad(lambda x: stages(no_wall, x).sum())(X)
     assert_close(value, jnp.array([stages(no_wall, X).sum(), 0.0]), 1e-6)
     assert_close(slope, jnp.stack([expected, jnp.zeros_like(X)]), 1e-6)
@@ -76,7 +76,7 @@ def test_a_flag_for_each_of_a_batch() -> None:
 
 def test_a_told_transpose_is_used() -> None:
     def run(x):
-        return through(OPEN).linear(lambda w, x: w @ x, lambda w, y: 2.0 * (w.T @ y), WEIGHTS, x).sum()
+        return apart.gate(OPEN).linear(lambda w, x: w @ x, lambda w, y: 2.0 * (w.T @ y), WEIGHTS, x).sum()
 
     assert_close(jax.grad(run)(X), 2.0 * jnp.broadcast_to(WEIGHTS.sum(0)[:, None], X.shape), 1e-6)
 
@@ -121,7 +121,7 @@ def test_backwards_it_keeps_its_arguments_only() -> None:
     """And its derivative is one more wall, not arrays that the first one returns."""
 
     def run(x):
-        return through(OPEN)(lambda x: jnp.sin(jnp.cos(x) * jnp.exp(x)), x)
+        return apart.gate(OPEN)(lambda x: jnp.sin(jnp.cos(x) * jnp.exp(x)), x)
 
     known = jax.make_jaxpr(lambda x: jax.linearize(run, x)[0])(X)
     kept = jax.tree.leaves(jax.linearize(run, X)[1])
@@ -133,7 +133,7 @@ def test_results_that_do_not_change_cost_nothing_backwards() -> None:
     """No derivative is taken of what depends on no argument that varies."""
 
     def run(x, still):
-        moved, other = through(OPEN)(lambda x, still: (jnp.sin(x), jnp.cos(still)), x, still)
+        moved, other = apart.gate(OPEN)(lambda x, still: (jnp.sin(x), jnp.cos(still)), x, still)
         return moved.sum(), other
 
     text = str(jax.make_jaxpr(lambda x, still: jax.jvp(lambda x: run(x, still), (x,), (x,))[1])(X, X))
@@ -141,7 +141,7 @@ def test_results_that_do_not_change_cost_nothing_backwards() -> None:
 
 
 def test_result_keeps_structure_and_types() -> None:
-    out = through(OPEN)(lambda x: {"whole": x.astype(jnp.int32), "sign": x > 0}, X)
+    out = apart.gate(OPEN)(lambda x: {"whole": x.astype(jnp.int32), "sign": x > 0}, X)
     assert out["whole"].dtype == jnp.int32
     assert out["sign"].dtype == jnp.bool_
     assert (out["sign"] == (X > 0)).all()
@@ -154,7 +154,7 @@ def test_stays_in_the_program() -> None:
         return jax.jit(run).lower(OPEN, X).compile().as_text() or ""
 
     plain = text(lambda _, x: stages(no_wall, x))
-    for wall, kept in ((lambda _: apart, " call("), (through, " conditional(")):
+    for wall, kept in ((lambda _: apart, " call("), (apart.gate, " conditional(")):
         assert text(lambda flag, x, wall=wall: stages(wall(flag), x)).count(kept) == plain.count(kept) + 2
 
 
@@ -166,6 +166,5 @@ def test_what_a_stage_calls_is_part_of_it() -> None:
 
 
 def test_closed_gate_gives_zeros() -> None:
-    assert (stages(through(jnp.array(False)), X) == 0).all()
     assert (stages(apart.gate(jnp.array(False)), X) == 0).all()
     assert stages(no_wall.gate(jnp.array(False)), X).any()
