@@ -105,6 +105,8 @@ GPU_CASES = (
     Case("human-rigid-strides-102400", (("human", 102400),), gait="semi_procedural"),
     Case("dog-rigid-16384", (("dog", 16384),)),
     Case("human-dog-rigid-16384", (("human", 8192), ("dog", 8192))),
+    Case("human-rigid-2048-gradient", (("human", 2048),), gradient=60),
+    Case("human-skinned-2048-gradient", (("human", 2048),), mesh="skinned", gradient=60),
 )
 
 

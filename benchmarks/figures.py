@@ -61,6 +61,13 @@ def figures(lines: Iterable[Line]) -> list[Figure]:
         *_herd_sizes(us),
         *_mixtures(us),
         *_programs(case),
+        Figure(
+            "frame over its stages alone, human-rigid-2048",
+            "x",
+            next((line.get("frame_over_alone") for line in lines if line["kind"] == "alone"), None),
+            "<=",
+            1.3,
+        ),
         *_derivatives(case),
         Figure("recording full poses of every frame, 2048 people", "x", _of(case, RECORDED, "over_off"), "<=", 1.15),
         Figure("warm start of `crowd run` to its first frames", "s", start.get("warm_s"), "<=", 5.0),

@@ -20,6 +20,7 @@ from typing import Annotated, Any, Literal
 import typer
 from rich.console import Console
 
+from benchmarks.alone import CASE as ALONE
 from benchmarks.cases import CASES, GPU_CASES, Case
 from benchmarks.compare import read
 from benchmarks.compare import show as show_differences
@@ -106,7 +107,7 @@ def main(
     compare: Annotated[Path | None, typer.Option(help="An earlier results file: then, now, ratio.")] = None,
     runs: Annotated[int, typer.Option(min=1, help="Timed runs of each case.")] = 7,
     frames: Annotated[int | None, typer.Option(min=1, help="Frames of each run (default: 60 or more).")] = None,
-    stages: Annotated[bool, typer.Option(help="Also time the stages of the step.")] = True,
+    stages: Annotated[bool, typer.Option(help="Also time the stages of the step, in it and alone.")] = True,
     warm: Annotated[bool, typer.Option(help="Also compile every case again, from the cache.")] = True,
     start: Annotated[bool, typer.Option(help="Also time the start of `crowd run`.")] = True,
     roofline: Annotated[
@@ -128,6 +129,7 @@ def main(
     console.print(f"{here['cpu']}, {here['cores']} cores, load {here['load_1min']}, jax {here['jax']}")
     jobs = [lambda one=one: run_case(Job(one, frames, runs, stages, platform, warm)) for one in cases]
     if platform == "cpu":
+        jobs += [lambda: _beside("alone", "benchmarks.alone")] * (stages and any(one.name == ALONE for one in cases))
         jobs += [lambda: _beside("peaks", "benchmarks.peaks")] * roofline
         jobs += [_start] * start
         jobs += [lambda: _beside("peers", "benchmarks.peers", "--json")] * peers

@@ -47,7 +47,7 @@ def _skinned(herd: Any, own: Any, character: Any, state: Any, depth: float) -> t
     del own, character
     from kernels.drag_skinned import grouped
 
-    height = np.asarray(state.previous[:, 1] + state.position[:, 1:2])  # [tiles, V, n] m
+    height = np.asarray(state.previous[:, :, 1] + state.position[:, 1:2])  # [tiles, V, n] m
     wet = np.any(height < depth, 2)  # [tiles, V]
     groups = grouped(herd.triangles.values)
     real = np.array([(group[0] != group[1]).sum() for group in groups])

@@ -26,6 +26,8 @@ def told(line: Line) -> str:
         return f"{name}: {line['cold_s']:.1f} s, with a warm cache {warm}"
     if line["kind"] == "peaks":
         return f"{name}: {line['gflops']:.0f} GFLOP/s, {line['gbytes']:.0f} GB/s, one core"
+    if line["kind"] == "alone":
+        return f"{name}: {sum(line['alone_us'].values()):.4g} µs, in a frame {line['us']:.4g} µs"
     if line["kind"] == "peers":
         return f"{name}: measured {', '.join(each['name'] for each in line['peers'] if 'us' in each)}"
     if "over_off" in line:
@@ -48,7 +50,7 @@ def show(lines: list[Line], figures: list[Figure], console: Console) -> None:
                 "[yellow]* the machine was busy (wall time well above processor time): nothing here is reliable[/]"
             )
     if any(line.get("stage_share") for line in timed):
-        console.print(_stages(timed))
+        console.print(_stages(timed, [line for line in lines if line["kind"] == "alone" and "error" not in line]))
     if found := roofs(lines):
         console.print(_roofs(found))
     for line in lines:
@@ -107,8 +109,8 @@ def _cached(line: Line) -> str:
     return f"{line['compile_warm_s']:.1f}" if line["cache_used"] else "missed"
 
 
-def _stages(lines: list[Line]) -> Table:
-    """Share of each stage, and the µs that makes."""
+def _stages(lines: list[Line], alone: list[Line]) -> Table:
+    """Share of each stage, and the µs that makes; then µs of the stages timed alone."""
     lines = [line for line in lines if line.get("stage_share")]
     table = Table(title="Stages: µs per character-frame, share of the whole")
     table.add_column("case", no_wrap=True)
@@ -121,6 +123,9 @@ def _stages(lines: list[Line]) -> Table:
             line["case"],
             *(f"{share[name] * line['us']:#.2g} {100 * share[name]:2.0f}%" if name in share else "" for name in names),
         )
+    for line in alone:
+        own = line["alone_us"]
+        table.add_row(f"{line['case']}, alone", *(f"{own[name]:#.2g}" if name in own else "" for name in names))
     return table
 
 

@@ -30,7 +30,7 @@ def initial_state(scene: Scene, herd: HerdScene, layout: Layout) -> dict[str, An
         gait = _footsteps(herd, yaw, desired)
     x, z = herd.points.T
     mesh = herd.drag_mesh
-    previous = np.zeros((3, len(mesh.vertices), count), np.float32)
+    previous = np.zeros((len(mesh.vertices), 3, count), np.float32)
     if layout.mesh == "rigid":
         previous = np.zeros((7, herd.archetype.skeleton.count, count), np.float32)
         previous[0] = 1.0

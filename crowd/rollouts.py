@@ -16,7 +16,6 @@ from crowd.layout import Layout
 from crowd.params import Params
 from crowd.scene import Scene
 from crowd.simulate import one_frame
-from crowd.step import remembered
 from crowd.tree import pytree
 
 Read = Callable[[tuple[Any, ...], tuple[Any, ...]], Any]
@@ -50,15 +49,12 @@ class Rollout:
         `compiler_options=crowd.compiler_options.options()` frames have the bits, and the speed, of a plain run.
         """
 
-        def advance(states: tuple[Any, ...]) -> tuple[tuple[Any, ...], Any]:
-            states, frames = one_frame(self.layout, start.assets, params, states)
-            return states, read(states, frames)
-
         def settled(states: tuple[Any, ...], _: None) -> tuple[tuple[Any, ...], None]:
             return one_frame(self.layout, start.assets, params, states)[0], None
 
         def seen(states: tuple[Any, ...], _: None) -> tuple[tuple[Any, ...], Any]:
-            return remembered(advance)(states)
+            states, frames = one_frame(self.layout, start.assets, params, states, remember=True)
+            return states, jax.checkpoint(read)(states, frames)
 
         def blocks(states: tuple[Any, ...], _: None) -> tuple[tuple[Any, ...], Any]:
             return jax.checkpoint(lambda states: jax.lax.scan(seen, states, None, length=self.block))(states)

@@ -31,7 +31,7 @@ from crowd.params import Params
 from crowd.scenario_water import WATER_HZ
 from crowd.scene import Scene
 from crowd.state import Frame, State, blank_frame, shown_state
-from crowd.step import step
+from crowd.step import remembered, step
 from crowd.types import WaterFrames
 from crowd.unpack import unpacked
 from kernels.wall import apart, no_wall
@@ -71,10 +71,12 @@ def one_frame(
     params: Params,
     states: tuple[Any, ...],
     waves: Waves | None = None,
+    remember: bool = False,
 ) -> Any:
     """All herds one frame on: a map over each herd's tiles, then their water surface. Returns (states, frames).
 
-    Of herds that are stepped every frame.
+    Of herds that are stepped every frame. remember: a backward pass keeps little of each tile, see `step.remembered`;
+    of all tiles together it would first put every array of a frame into memory.
     """
     wall = apart if layout.walls else no_wall
     felt = None if waves is None else water_surface.felt(layout, assets, params, states[-1], waves, wall)
@@ -85,7 +87,8 @@ def one_frame(
             return step(layout, which, assets.herds[which], assets.world, params, character, state, wall, felt)
 
         pairs = (params.characters[which], states[which])
-        return jax.lax.map(tile, pairs) if layout.walls else jax.vmap(tile)(pairs)
+        one = remembered(tile) if remember else tile
+        return jax.lax.map(one, pairs) if layout.walls else jax.vmap(one)(pairs)
 
     results = [herd(which) for which in range(len(layout.herds))]
     stepped, frames = tuple(state for state, _ in results), tuple(frame for _, frame in results)

@@ -113,7 +113,7 @@ class State:
     force: Array  # [3, n] N, drag of the frame before
     torque: Array  # [2, n] N m, its yaw and pitch components
     drag_slope: Array  # [3, n] N s/m, N m s, N m s: how drag falls as velocity, yaw and pitch rate yield to it
-    previous: Array  # [3, V, n] or [7, J, n]: vertices or transforms, relative to the position
+    previous: Array  # [V, 3, n] or [7, J, n]: vertices or transforms, relative to the position
     fault: Array  # [n] int32
     responded: Responded = Responded()
     paced: Paced | None = None

@@ -42,7 +42,7 @@ def cut(a: Float[Array, "*b"], b: Float[Array, "*b"], c: Float[Array, "*b"]) -> 
 
 def skinned(
     triangles: np.ndarray,
-    vertices: Float[Array, "3 vertices *b"],
+    vertices: Float[Array, "vertices 3 *b"],
     surface: Float[Array, "*c"],
     line: bool = False,
     wall: Wall = no_wall,
@@ -54,10 +54,10 @@ def skinned(
 
     def corners(corner: Array, vertices: Array, surface: Array) -> tuple[Array, ...]:
         own = surface.ndim == vertices.ndim - 1
-        return tuple((surface[corner[k]] if own else surface) - vertices[1, corner[k]] for k in range(3))
+        return tuple((surface[corner[k]] if own else surface) - vertices[:, 1][corner[k]] for k in range(3))
 
     def sides(corner: Array, axis: int, vertices: Array) -> tuple[Array, Array]:
-        a, b, c = (vertices[axis, corner[k]] for k in range(3))
+        a, b, c = (vertices[:, axis][corner[k]] for k in range(3))
         return b - a, c - a
 
     def volumes(depths: tuple[Array, ...], corner: Array, vertices: Array) -> Array:

@@ -17,7 +17,7 @@ from kernels.wall import Wall, no_wall
 
 GROUP = 80  # triangles whose arrays for 128 characters fit a 1 MiB cache
 
-Field = Any  # values at every vertex [k, V, *b], or already at corners of triangles: k tuples of three [size, *b]
+Field = Any  # values at every vertex [V, k, *b], or already at corners of triangles: k tuples of three [size, *b]
 
 
 class _Mesh(NamedTuple):
@@ -32,8 +32,8 @@ class _Mesh(NamedTuple):
 
 def skinned(
     triangles: np.ndarray,
-    vertices: Float[Array, "3 vertices *b"],
-    velocity: Float[Array, "3 vertices *b"],
+    vertices: Float[Array, "vertices 3 *b"],
+    velocity: Float[Array, "vertices 3 *b"],
     fluid: Fluid,
     submersion: Submersion = "clipped",
     mode: OffsetMode = "area",
@@ -47,7 +47,7 @@ def skinned(
     Triangles go through in groups whose arrays stay in a core's cache (without walls: all at once, as a GPU likes it).
     """
     levels = levels_of(fluid.surface, floor)
-    levels = tuple(level[None] if level.ndim == vertices.ndim - 1 else level for level in levels)
+    levels = tuple(level[:, None] if level.ndim == vertices.ndim - 1 else level for level in levels)
     mesh = _Mesh(vertices, velocity, levels, fluid.density_drag, fluid.offset_force)
     total = _total(triangles, submersion, mode, wall, mesh)
     return Drag(total[:3], total[3], total[4:7], total[7])
@@ -78,8 +78,9 @@ def _wet(groups: np.ndarray, wall: Wall, mesh: _Mesh) -> Array:
     """[groups] whether any vertex of each may be under the surface for any character; NaN may be."""
 
     def under(mesh: _Mesh) -> Array:
-        depth = (mesh.levels[0] - mesh.vertices[1]).reshape(mesh.vertices.shape[1], -1)
-        return jnp.where(depth <= 0, 0.0, 1.0)
+        level = mesh.levels[0]
+        depth = (level[:, 0] if level.ndim == mesh.vertices.ndim else level) - mesh.vertices[:, 1]
+        return jnp.where(depth <= 0, 0.0, 1.0).reshape(len(depth), -1)
 
     some = wall(lambda under: under.max(1), wall(under, mesh))
     return wall(lambda some: some[groups.reshape(len(groups), -1)].max(1) > 0, some)
@@ -101,12 +102,12 @@ def _total_jvp(
     def group(total: Array, given: tuple[Array, Array, Array]) -> tuple[Array, None]:
         corner, own, change = given
         wet = wall.gate(own)
-        near = wet(lambda mesh: jnp.concatenate([x[:, corner] for x in _fields(mesh)]), mesh)
+        near = wet(lambda mesh: jnp.concatenate([x[corner] for x in _fields(mesh)], 2), mesh)
         here = functools.partial(_group, submersion, mode, wet, None)
         return total + jax.jvp(here, (_with(mesh, near),), (_with(changes, change),))[1], None
 
     zero = jnp.zeros((8, *mesh.vertices.shape[2:]), mesh.vertices.dtype)
-    every = wall(lambda changes: jnp.moveaxis(jnp.concatenate(_fields(changes))[:, groups], 1, 0), changes)
+    every = wall(lambda changes: jnp.concatenate(_fields(changes), 1)[groups], changes)
     change = jax.lax.scan(group, zero, (jnp.asarray(groups), _wet(groups, wall, mesh), every))[0]
     return _total(triangles, submersion, mode, wall, mesh), change
 
@@ -115,13 +116,13 @@ _total.defjvp(_total_jvp, symbolic_zeros=True)
 
 
 def _fields(mesh: _Mesh) -> list[Array]:
-    """Everything that has a value at each vertex: [k, V, *b] each, 6 to 8 altogether."""
+    """Everything that has a value at each vertex: [V, k, *b] each, 6 to 8 altogether."""
     return [mesh.vertices, mesh.velocity, *(level for level in mesh.levels if level.ndim == mesh.vertices.ndim)]
 
 
 def _with(mesh: _Mesh, fields: Array) -> _Mesh:
-    """The mesh with values of its fields [k, 3, size, *b] at the corners of a group, as `_corners` has them."""
-    each = [tuple(jnp.unstack(field)) for field in jnp.unstack(fields)]
+    """The mesh with values of its fields [3, size, k, *b] at the corners of a group, as `_corners` has them."""
+    each = [tuple(jnp.unstack(field)) for field in jnp.unstack(fields, axis=2)]
     own = iter(each[6:])
     levels = tuple((next(own),) if level.ndim == mesh.vertices.ndim else level for level in mesh.levels)
     return mesh._replace(vertices=tuple(each[:3]), velocity=tuple(each[3:6]), levels=levels)
@@ -131,7 +132,7 @@ def _corners(field: Field, corner: Array | None) -> tuple[tuple[Array, ...], ...
     """[component][corner]: values of a field at the corners of a group, unless (corner is None) they already are."""
     if corner is None:
         return field
-    return tuple(tuple(field[k, corner[j]] for j in range(3)) for k in range(len(field)))
+    return tuple(tuple(field[:, k][corner[j]] for j in range(3)) for k in range(field.shape[1]))
 
 
 def _depths(level: Field, corner: Array | None, vertices: Field) -> tuple[Array, Array, Array]:

@@ -9,28 +9,31 @@ from jaxtyping import Array, Float
 from kernels import quat
 
 
-def bone_columns(transforms: Float[Array, "7 joints *b"], scale: Float[Array, "*b"]) -> Float[Array, "4 3 joints *b"]:
-    """Columns of each bone's 3x4 matrix: three scaled axes, then the position."""
+def bone_columns(transforms: Float[Array, "7 joints *b"], scale: Float[Array, "*b"]) -> Float[Array, "joints 4 3 *b"]:
+    """Columns of each bone's 3x4 matrix: three scaled axes, then the position.
+
+    What belongs to a bone, and to a vertex of `skin`, lies together: a gather along the first axis copies whole pieces.
+    """
     axes = quat.matrix(transforms[:4]) * scale
-    return jnp.concatenate([axes, transforms[None, 4:]])
+    return jnp.moveaxis(jnp.concatenate([axes, transforms[None, 4:]]), 2, 0)
 
 
 def skin(
     bones: np.ndarray,
     local: Float[Array, "influences 4 vertices"],
-    columns: Float[Array, "4 3 joints *b"],
-) -> Float[Array, "3 vertices *b"]:
+    columns: Float[Array, "joints 4 3 *b"],
+) -> Float[Array, "vertices 3 *b"]:
     """Vertices of the blended mesh, in the frame of the bones.
 
     bones [vertices, influences] (static): which bones move a vertex, heaviest first.
     local: for each influence the vertex in the bone's own bind frame times its weight, and the weight itself.
     Influences that no vertex uses should be cut off beforehand: the sum is unrolled over all of them.
     """
-    batch = (1,) * (columns.ndim - 3)
+    batch = (1,) * (columns.ndim - 2)
     out = None
     for k in range(bones.shape[1]):
         for c in range(4):
-            term = local[k, c].reshape(-1, *batch) * columns[c][:, bones[:, k]]
+            term = local[k, c].reshape(-1, *batch) * columns[:, c][bones[:, k]]
             out = term if out is None else out + term
     assert out is not None
     return out

@@ -45,7 +45,7 @@ def dry(state: State) -> Load:
 def mesh(
     layout: Layout, herd: HerdLayout, assets: HerdAssets, character: Character, transforms: Array, wall: Wall
 ) -> Array:
-    """What moves in the fluid: vertices [3, V, n], or the transforms themselves when triangles ride on bones."""
+    """What moves in the fluid: vertices [V, 3, n], or the transforms themselves when triangles ride on bones."""
     if layout.mesh == "rigid":
         return transforms
     columns = wall(skinning.bone_columns, transforms, character.scale)
@@ -74,7 +74,7 @@ def fluid_drag(
     """
     fluid = place.fluid._replace(surface=jnp.maximum(place.fluid.surface - state.position[1], -1e3))
     if place.here is not None:
-        points = moved[4:] if layout.mesh == "rigid" else moved
+        points = moved[4:] if layout.mesh == "rigid" else moved.swapaxes(0, 1)
         fluid = _uneven(layout, fluids, place, state, points, wall)
     under = [
         layer._replace(surface=jnp.minimum(layer.surface - state.position[1], fluid.surface)) for layer in place.under
@@ -125,7 +125,7 @@ def _drag(
             floor,
         )
     velocity = wall(
-        lambda now, before, way, flow: (now - before + way[:, None]) * rate - _spread(flow, now),
+        lambda now, before, way, flow: (now - before + way) * rate - (flow if flow.ndim < 3 else flow.swapaxes(0, 1)),
         moved,
         previous,
         way,

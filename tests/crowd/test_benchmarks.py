@@ -6,12 +6,15 @@ import io
 import json
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
 import typer
 from rich.console import Console
 
 import crowd
-from benchmarks import record
+from benchmarks import alone, record
 from benchmarks.cases import CASES, GPU_CASES, Case, named, scenario
 from benchmarks.figures import alone_name, figures
 from benchmarks.gradient import measured
@@ -141,6 +144,30 @@ def verdicts(measured: list[dict]) -> dict[str, tuple[float, str]]:
     found = figures(measured)
     assert all(figure.verdict == "not measured" for figure in found if figure.value is None)
     return {figure.name: (figure.value, figure.verdict) for figure in found if figure.value is not None}
+
+
+def test_a_trace_is_cut_into_its_stages() -> None:
+    def traced(a: jax.Array, x: jax.Array) -> tuple[jax.Array, jax.Array]:
+        with jax.named_scope("sense"):
+            y, b = a * x, a + 1.0
+        half = 0.5 * y  # of no stage
+        with jax.named_scope("drag"):
+            z = jnp.sin(half) + b
+        return z, y
+
+    a, x = jnp.array(2.0), jnp.arange(3.0)
+    sense, drag = alone.parts(jax.make_jaxpr(traced)(a, x).jaxpr, shared=1)
+    assert [len(part.shared) for part in (sense, drag)] == [1, 1] and len(sense.own) == len(drag.own) == 1
+    found = dict(zip(sense.jaxpr.outvars, jax.core.eval_jaxpr(sense.jaxpr, (), a, x), strict=True))
+    given = [found[v] for v in drag.shared], 0.5 * traced(a, x)[1]
+    np.testing.assert_array_equal(jax.core.eval_jaxpr(drag.jaxpr, (), *given[0], given[1])[0], traced(a, x)[0])
+
+
+def test_stages_are_timed_alone() -> None:
+    line = alone.measure(Case("few", (("human", 8),)), frames=2, runs=1)
+    assert list(line["alone_us"]) == [stage for stage in STAGES if stage != "skin"]  # rigid triangles have none
+    assert all(us > 0 for us in line["alone_us"].values())
+    assert line["frame_over_alone"] == pytest.approx(line["us"] / sum(line["alone_us"].values()), rel=2e-3)
 
 
 def test_figures_reached_and_not() -> None:

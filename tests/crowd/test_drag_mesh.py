@@ -112,8 +112,8 @@ def test_the_estimate_has_the_drag_of_the_step(people: HerdScene) -> None:
     corner, before = _corners(mesh, False, *moment.now), _corners(mesh, False, *moment.before)
     velocity, slip = np.array([0.3, 0.0, 1.1]), (corner - before) / moment.passed
     found = _wrench(corner, slip, velocity[None], 0.9, False, (998.0, 1.08, 2.0), np.zeros(3))[0]
-    vertices, faces = corner.reshape(-1, 3).T, np.arange(corner.size // 3).reshape(-1, 3)
-    moving = slip.reshape(-1, 3).T + velocity[:, None]
+    vertices, faces = corner.reshape(-1, 3), np.arange(corner.size // 3).reshape(-1, 3)
+    moving = slip.reshape(-1, 3) + velocity
     fluid = Fluid(jnp.array([998.0 * 1.08]), jnp.array([2.0]), jnp.array([0.9]), jnp.zeros((3, 1)))
     place, way = (jnp.asarray(x[..., None], jnp.float32) for x in (vertices, moving))
     exact = skinned(faces, place, way, fluid)

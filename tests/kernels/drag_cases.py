@@ -30,9 +30,12 @@ def fluid(surface: Any = 1e3, offset: float = 0.0, flow: Any = (0.0, 0.0, 0.0), 
 
 
 def skinned(triangles: np.ndarray, submersion: Any = "clipped", mode: Any = "area", flag: Any = None):
+    """The kernel, of vertices and velocities [3, V, *b]."""
+
     def run(vertices, velocity, *fluid):
         wall = apart if flag else no_wall
-        return tuple(drag_skinned.skinned(triangles, vertices, velocity, drag.Fluid(*fluid), submersion, mode, wall))
+        mesh = vertices.swapaxes(0, 1), velocity.swapaxes(0, 1)
+        return tuple(drag_skinned.skinned(triangles, *mesh, drag.Fluid(*fluid), submersion, mode, wall))
 
     return run
 

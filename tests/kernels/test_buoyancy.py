@@ -25,7 +25,8 @@ from tests.kernels.drag_cases import rigid_blob
 def skinned(triangles: np.ndarray, flag: bool = False, line: bool = True):
     def run(vertices: Any, surface: Any) -> Any:
         wall = apart if flag else no_wall
-        return tuple(x for x in buoyancy.skinned(triangles, vertices, surface, line, wall) if x is not None)
+        found = buoyancy.skinned(triangles, vertices.swapaxes(0, 1), surface, line, wall)
+        return tuple(x for x in found if x is not None)
 
     return run
 

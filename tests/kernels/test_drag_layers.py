@@ -19,9 +19,8 @@ from tests.kernels.drag_cases import OFFSET, fluid, moving_blob, rigid_blob
 def skinned(triangles: np.ndarray, floor: Any, submersion: Any = "clipped", flag: bool = False):
     def run(vertices, velocity, floor, *water):
         wall = apart if flag else no_wall
-        return tuple(
-            drag_skinned.skinned(triangles, vertices, velocity, drag.Fluid(*water), submersion, "area", wall, floor)
-        )
+        mesh = vertices.swapaxes(0, 1), velocity.swapaxes(0, 1)
+        return tuple(drag_skinned.skinned(triangles, *mesh, drag.Fluid(*water), submersion, "area", wall, floor))
 
     return lambda vertices, velocity, *water: run(vertices, velocity, jnp.asarray(floor), *water)
 

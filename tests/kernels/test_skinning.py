@@ -61,9 +61,9 @@ def skinned(mesh: Mesh):
 
 
 def reference(mesh: Mesh, transforms: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """[3, V, *b]"""
+    """[V, 3, *b]"""
     joints_last = np.moveaxis(transforms, (1, 0), (-2, -1))
-    return np.moveaxis(posing.skin(mesh, joints_last[..., :4], joints_last[..., 4:], scale), (-1, -2), (0, 1))
+    return np.moveaxis(posing.skin(mesh, joints_last[..., :4], joints_last[..., 4:], scale), (-1, -2), (1, 0))
 
 
 @pytest.mark.parametrize("influences", [1, 3, 4])
@@ -82,9 +82,9 @@ def test_against_host(batch: tuple[int, ...], influences: int) -> None:
 def test_columns_are_scaled_axes_and_the_position() -> None:
     transforms, scale = placed((2,))
     columns = in_double(skinning.bone_columns, transforms, scale)
-    lengths = np.linalg.norm(columns[:3], axis=1)
+    lengths = np.linalg.norm(columns[:, :3], axis=2)
     assert_close(lengths, np.broadcast_to(scale, lengths.shape), 1e-12)
-    assert_close(columns[3], transforms[4:], 0)
+    assert_close(columns[:, 3], transforms[4:].swapaxes(0, 1), 0)
 
 
 def test_bind_pose_gives_the_mesh_back() -> None:
@@ -93,7 +93,7 @@ def test_bind_pose_gives_the_mesh_back() -> None:
     run, table = skinned(body)
     bind = np.linalg.inv(body.inverse_bind)
     transforms = np.concatenate([posing.quaternion(bind[:, :3, :3]).T, bind[:, :3, 3].T])
-    assert_matches(run, body.vertices.T, transforms, np.array(1.0), table)
+    assert_matches(run, body.vertices, transforms, np.array(1.0), table)
 
 
 def test_gradients() -> None:
