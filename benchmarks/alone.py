@@ -108,10 +108,11 @@ def measure(case: Case, frames: int = RATE, runs: int = RUNS) -> dict[str, Any]:
 def _given(traced: Any, part: Part, same: list[Any], own: list[Any]) -> tuple[list[Any], list[Any]]:
     """Values of what a part gets: shared, and of all tiles."""
     import jax
+    from jax import core
 
     def values(wanted: Sequence[Any], own: Sequence[Any]) -> list[Any]:
         asked = traced.jaxpr.replace(outvars=list(wanted), debug_info=traced.jaxpr.debug_info.with_unknown_names())
-        return jax.core.eval_jaxpr(asked, traced.consts, *same, *own)
+        return core.eval_jaxpr(asked, traced.consts, *same, *own)
 
     shared = jax.jit(lambda own: values(part.shared, own))([x[0] for x in own])
     return shared, jax.jit(lambda own: jax.lax.map(lambda own: values(part.own, own), own))(own)
@@ -121,12 +122,13 @@ def _call(part: Part, shared: list[Any], own: list[Any], times: int) -> Callable
     """All tiles through a part, `times` over."""
     import jax
     import jax.numpy as jnp
+    from jax import core
 
     from crowd.compiler_options import options
 
     def tiles(shared: Any, own: Any) -> Any:
         def one(_: Any, own: Any) -> Any:
-            return tuple(jax.core.eval_jaxpr(part.jaxpr, (), *shared, *own)), None
+            return tuple(core.eval_jaxpr(part.jaxpr, (), *shared, *own)), None
 
         start = tuple(jnp.zeros(v.aval.shape, v.aval.dtype) for v in part.jaxpr.outvars)
         return jax.lax.fori_loop(0, times, lambda _, last: jax.lax.scan(one, last, own)[0], start)

@@ -48,7 +48,8 @@ def moments_and_arrays(
     wet = wall(functools.partial(_shares, submersion, mesh), ride.bone)
     factors = wall(functools.partial(_factors, mode, mesh), ride, wet)
     magnitude = wall(functools.partial(_magnitudes, mesh), factors, ride.bone)
-    return (wall(summed, mesh.moments, factors), wall(summed, mesh.moments, magnitude)), wet
+    total = summed if wall.flag is None else term_by_term
+    return (wall(total, mesh.moments, factors), wall(total, mesh.moments, magnitude)), wet
 
 
 def _shares(submersion: Submersion, mesh: RigidMesh, bone: Array) -> Array:
@@ -105,6 +106,19 @@ def summed(rows: Array, values: Array) -> Array:
     flat = values.reshape(*values.shape[:2], -1)
     product = jax.lax.dot_general(rows, flat, (((2,), (1,)), ((0,), (0,))))
     return jnp.moveaxis(product, 1, 0).reshape(rows.shape[1], values.shape[0], *values.shape[2:])
+
+
+@jax.custom_jvp
+def term_by_term(rows: Array, values: Array) -> Array:
+    """`summed`, written out (see `totals.added`)."""
+    weights = jnp.moveaxis(rows, 0, 1).reshape(*rows.shape[1::-1], rows.shape[2], *(1,) * (values.ndim - 2))
+    return functools.reduce(jnp.add, (weights[:, :, i] * values[None, :, i] for i in range(rows.shape[2])))
+
+
+@term_by_term.defjvp
+def _term_by_term_jvp(given: tuple[Array, Array], change: tuple[Array, Array]) -> tuple[Array, Array]:
+    (rows, values), (rows_change, change_of) = given, change
+    return term_by_term(rows, values), summed(rows_change, values) + summed(rows, change_of)
 
 
 def assembled(s: Array, m: Array, bone: Array, transforms: Array, scale: Array) -> Array:

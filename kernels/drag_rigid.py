@@ -16,6 +16,7 @@ from kernels import drag_backwards as backwards
 from kernels import quat
 from kernels.drag import Drag, Fluid, OffsetMode, Submersion, instantiated, levels_of
 from kernels.drag_moments import Ride, RigidMesh, assembled, moments
+from kernels.totals import added
 from kernels.wall import Wall, apart, no_wall
 
 AXES = (2, 1, 0, 1)  # of the blocks in the fields of a mesh
@@ -217,7 +218,7 @@ def _of_blocks(
     s, m = moments(submersion, mode, wall, mesh, ride)
     at = wall(lambda transforms: transforms[joints], transforms)
     blocks = wall(assembled, s, m, ride.bone, at, ride.scale)
-    return wall(lambda blocks: blocks.sum(1), blocks)
+    return blocks.sum(1) if wall.flag is None else wall(functools.partial(added, 1), blocks)
 
 
 def _nearest(bounds: Array, surface: Array) -> Array:

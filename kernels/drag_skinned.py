@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from kernels.drag import Drag, Fluid, OffsetMode, Submersion, factor_of, instantiated, levels_of, wet_corner
-from kernels.totals import total_of
+from kernels.totals import PIECES, total_of
 from kernels.vec import TINY
 from kernels.wall import Wall, no_wall
 
@@ -170,7 +170,7 @@ def _group(submersion: Submersion, mode: OffsetMode, wall: Wall, corner: Array |
     centre = wall(mean, weight, mesh.vertices)
     factor = wall(factors, weight, slip, mesh.vertices, (mesh.density_drag, mesh.offset_force))
     magnitude = wall(_magnitudes, factor, weight, slip)
-    return wall(functools.partial(_sums, wall), factor, magnitude, slip, centre, weight)
+    return total_of(_terms, wall, factor, magnitude, slip, centre, weight)
 
 
 def _magnitudes(factor: Array, weight: tuple[Array, ...], slip: tuple[Array, ...]) -> Array:
@@ -179,10 +179,10 @@ def _magnitudes(factor: Array, weight: tuple[Array, ...], slip: tuple[Array, ...
     return factor * speed / jnp.maximum(weight[0] + weight[1] + weight[2], 1e-6)
 
 
-def _sums(wall: Wall, factor: Array, magnitude: Array, slip: tuple, centre: tuple, weight: tuple) -> Array:
+def _terms(factor: Array, magnitude: Array, slip: tuple, centre: tuple, weight: tuple) -> list[Array]:
     wet = weight[0] + weight[1] + weight[2]
     force = [-factor * s for s in slip]
-    return total_of(0, [*force, magnitude * wet, *(magnitude * c for c in centre), factor * wet], wall)
+    return [*force, magnitude * wet, *(magnitude * c for c in centre), factor * wet]
 
 
 def _corner_weights(depths: tuple[Array, Array, Array], submersion: Submersion) -> tuple[Array, Array, Array]:
@@ -197,7 +197,7 @@ def _corner_weights(depths: tuple[Array, Array, Array], submersion: Submersion) 
 def grouped(triangles: np.ndarray) -> np.ndarray:
     """[groups, 3, GROUP]; the padding repeats one vertex three times: no area, no force."""
     groups = max(1, -(-len(triangles) // GROUP))
-    size = -(-len(triangles) // groups)
+    size = PIECES * -(-len(triangles) // (PIECES * groups))
     padded = np.zeros((groups * size, 3), np.int32)
     padded[: len(triangles)] = triangles
     return padded.reshape(groups, size, 3).transpose(0, 2, 1)

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import typer
+from jax import core
 from rich.console import Console
 
 import crowd
@@ -158,9 +159,9 @@ def test_a_trace_is_cut_into_its_stages() -> None:
     a, x = jnp.array(2.0), jnp.arange(3.0)
     sense, drag = alone.parts(jax.make_jaxpr(traced)(a, x).jaxpr, shared=1)
     assert [len(part.shared) for part in (sense, drag)] == [1, 1] and len(sense.own) == len(drag.own) == 1
-    found = dict(zip(sense.jaxpr.outvars, jax.core.eval_jaxpr(sense.jaxpr, (), a, x), strict=True))
+    found = dict(zip(sense.jaxpr.outvars, core.eval_jaxpr(sense.jaxpr, (), a, x), strict=True))
     given = [found[v] for v in drag.shared], 0.5 * traced(a, x)[1]
-    np.testing.assert_array_equal(jax.core.eval_jaxpr(drag.jaxpr, (), *given[0], given[1])[0], traced(a, x)[0])
+    np.testing.assert_array_equal(core.eval_jaxpr(drag.jaxpr, (), *given[0], given[1])[0], traced(a, x)[0])
 
 
 def test_stages_are_timed_alone() -> None:

@@ -1,4 +1,4 @@
-"""Totals of several arrays at once: against NumPy, both ways of summing, values and derivatives."""
+"""Sums written out and totals of several arrays at once: against NumPy, values and derivatives."""
 
 from __future__ import annotations
 
@@ -8,28 +8,49 @@ import numpy as np
 import pytest
 from jax.test_util import check_grads
 
-from kernels.totals import total_of
+from kernels.drag_moments import summed, term_by_term
+from kernels.totals import PIECES, added, total_of
 from kernels.wall import Wall, apart, no_wall
 
 
-@pytest.fixture(params=["one reduction", "one each"])
+@pytest.fixture(params=["one reduction", "written out"])
 def wall(request: pytest.FixtureRequest) -> Wall:
     return no_wall if request.param == "one reduction" else apart
 
 
-@pytest.mark.parametrize("shape", [(7,), (5, 1), (4, 3, 2), (0, 3)])
+@pytest.mark.parametrize("shape", [(PIECES,), (2 * PIECES, 1), (3 * PIECES, 3, 2)])
 def test_sums(wall: Wall, shape: tuple[int, ...]) -> None:
     terms = [np.random.default_rng(k).normal(size=shape) for k in range(3)]
-    for axis in range(len(shape)):
-        found = total_of(axis, [jnp.asarray(term) for term in terms], wall)
-        np.testing.assert_allclose(found, np.stack([term.sum(axis) for term in terms]), atol=1e-6)
+    found = total_of(lambda *terms: terms, wall, *(jnp.asarray(term) for term in terms))
+    np.testing.assert_allclose(found, np.stack([term.sum(0) for term in terms]), atol=1e-5)
+
+
+def test_sums_over_any_axis() -> None:
+    x = np.random.default_rng(0).normal(size=(3, 1, 5))
+    for axis in range(3):
+        np.testing.assert_allclose(added(axis, jnp.asarray(x)), x.sum(axis), atol=1e-6)
+        check_grads(lambda x, axis=axis: added(axis, jnp.asarray(x)), (jnp.asarray(x),), order=2, modes=("fwd", "rev"))
+
+
+@pytest.mark.parametrize("batch", [(), (5,), (2, 3)])
+def test_products_written_out(batch: tuple[int, ...]) -> None:
+    """Rows and values of blocks: what `summed` makes of them, and its derivatives in both."""
+    rng = np.random.default_rng(2)
+    rows, values = jnp.asarray(rng.normal(size=(3, 4, 6))), jnp.asarray(rng.normal(size=(3, 6, *batch)))
+    expected = np.einsum("bkt,bt...->kb...", rows, values)
+    np.testing.assert_allclose(term_by_term(rows, values), expected, atol=1e-5)
+    np.testing.assert_allclose(summed(rows, values), expected, atol=1e-5)
+
+    def f(rows: jax.Array, values: jax.Array) -> jax.Array:
+        return term_by_term(jnp.asarray(rows), jnp.asarray(values))
+
+    check_grads(f, (rows, values), order=2, modes=("fwd", "rev"), atol=1e-2, rtol=1e-2)
 
 
 def test_derivatives(wall: Wall) -> None:
-    x = jnp.asarray(np.random.default_rng(1).normal(size=(6, 2)))
+    x = jnp.asarray(np.random.default_rng(1).normal(size=(PIECES, 2)))
 
     def f(x: jax.Array) -> jax.Array:
-        x = jnp.asarray(x)
-        return jnp.sin(total_of(0, [x, x * x, jnp.ones_like(x)], wall))
+        return jnp.sin(total_of(lambda x: [x, x * x, jnp.ones_like(x)], wall, jnp.asarray(x)))
 
     check_grads(f, (x,), order=2, modes=("fwd", "rev"), atol=1e-2, rtol=1e-2)
