@@ -154,8 +154,18 @@ def _herd_on(
         (state, _), shown = _recorded(layout, chunk, frames, start, advance, show)
         return state, shown
 
-    pairs = params.characters[which], states
-    return jax.lax.map(tile, pairs) if layout.walls else jax.vmap(tile)(pairs)
+    characters = params.characters[which]
+    if not layout.walls:
+        return jax.vmap(tile)((characters, states))
+
+    def turn(states: State, number: Array) -> tuple[State, Any]:
+        """In place: states that a map returned would be filled with zeros first, in pages that are new each time."""
+        own = jax.tree.map(lambda x: jax.lax.dynamic_index_in_dim(x, number, keepdims=False), (characters, states))
+        state, shown = tile(own)
+        put = functools.partial(jax.lax.dynamic_update_index_in_dim, index=number, axis=0)
+        return jax.tree.map(put, states, state), shown
+
+    return jax.lax.scan(turn, states, jnp.arange(len(states.phase)))
 
 
 def _turns_on(

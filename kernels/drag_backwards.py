@@ -22,9 +22,10 @@ from kernels.drag_moments import (
     factor,
     moments_and_arrays,
     share,
-    summed,
+    term_by_term,
     through_of,
 )
+from kernels.totals import added
 from kernels.vec import TINY, cross
 from kernels.wall import Wall
 
@@ -73,10 +74,10 @@ def pulled(
     loads = wall(functools.partial(_loads, mode, mesh), ride, wet, on_factor, on_magnitude)
     corners = wall(functools.partial(_corners, submersion, mesh), ride.bone, loads[2])
     each = zip(rows, (*loads[:2], *corners), strict=True)
-    numbers = [(first, wall(summed, constants, values)) for (first, constants), values in each]
+    numbers = [(first, wall(term_by_term, constants, values)) for (first, constants), values in each]
     on_bone = wall(_on_bone, ride.bone, on_bone, *_joined(numbers))
-    on_density, on_offset, on_scale = (wall(lambda x: x.sum((0, 1)), x) for x in loads[3:])
-    return Ride(on_bone, on_scale + wall(lambda x: x.sum(0), on_size), on_density, on_offset), on_at
+    on_density, on_offset, on_scale = (wall(lambda x: added(0, added(1, x)), x) for x in loads[3:])
+    return Ride(on_bone, on_scale + wall(functools.partial(added, 0), on_size), on_density, on_offset), on_at
 
 
 def _loads(
