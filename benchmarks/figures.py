@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from benchmarks.alone import CASE as ALONE
 from benchmarks.cases import CASES, RATE, Case
 
 Line = dict[str, Any]
@@ -51,6 +52,7 @@ def figures(lines: Iterable[Line]) -> list[Figure]:
     lines = [line for line in lines if "error" not in line]
     case = {line["case"]: line for line in lines if line["kind"] == "case"}
     start = next((line for line in lines if line["kind"] == "start"), {})
+    alone = next((line for line in lines if line["kind"] == "alone"), {})
 
     def us(name: str) -> float | None:
         return case.get(name, {}).get("us")
@@ -61,13 +63,7 @@ def figures(lines: Iterable[Line]) -> list[Figure]:
         *_herd_sizes(us),
         *_mixtures(us),
         *_programs(case),
-        Figure(
-            "frame over its stages alone, human-rigid-2048",
-            "x",
-            next((line.get("frame_over_alone") for line in lines if line["kind"] == "alone"), None),
-            "<=",
-            1.3,
-        ),
+        Figure(f"frame over its stages alone, {ALONE}", "x", alone.get("frame_over_alone"), "<=", 1.3),
         *_derivatives(case),
         Figure("recording full poses of every frame, 2048 people", "x", _of(case, RECORDED, "over_off"), "<=", 1.15),
         Figure("warm start of `crowd run` to its first frames", "s", start.get("warm_s"), "<=", 5.0),

@@ -12,7 +12,7 @@ from crowd.types import Mesh
 
 SLOTS = 4  # bones of a vertex
 WELD = 1e-5  # of the mesh's size: vertices nearer than that are one
-ROUNDS = 3  # of restoring the volume
+ROUNDS = 6  # of restoring the volume
 
 
 def decimated(mesh: Mesh, triangles: int) -> Mesh:
@@ -27,7 +27,7 @@ def decimated(mesh: Mesh, triangles: int) -> Mesh:
     np.add.at(dense, (np.arange(len(dense))[:, None], mesh.joints), mesh.weights)
     first, faces = _welded(mesh)
     vertices, faces = simplify(mesh.vertices[first], faces, dense[first], triangles)
-    vertices = _as_large(vertices, faces, signed_volume(mesh.vertices, mesh.triangles))
+    vertices = _as_large(vertices, faces, mesh)
     dense = _carried(mesh, dense, vertices)
     joints = np.argsort(-dense, axis=1, kind="stable")[:, :SLOTS]
     weights = np.take_along_axis(dense, joints, 1)
@@ -57,11 +57,14 @@ def _welded(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     return first[order], faces.T[(a != b) & (b != c) & (c != a)]
 
 
-def _as_large(vertices: np.ndarray, triangles: np.ndarray, wanted: float) -> np.ndarray:
-    """Vertices moved along their normals by the same small length each, so that the surface encloses `wanted` m3.
+def _as_large(vertices: np.ndarray, triangles: np.ndarray, skin: Mesh) -> np.ndarray:
+    """Vertices moved along their normals, each by the same small length, until the surface encloses what the skin does.
 
-    Chords cut corners off; the drag of what they cut off is most of what decimation would lose.
+    Chords cut corners off; the drag of what they cut off is most of what decimation would lose. No vertex leaves the
+    box around the skin: tips, whose normals all point one way, would reach farther with every collapse.
     """
+    wanted = signed_volume(skin.vertices, skin.triangles)
+    low, high = skin.vertices.min(0), skin.vertices.max(0)
     for _ in range(ROUNDS):
         a, b, c = np.moveaxis(vertices[triangles], 1, 0)
         area = 0.5 * np.cross(b - a, c - a)
@@ -72,7 +75,7 @@ def _as_large(vertices: np.ndarray, triangles: np.ndarray, wanted: float) -> np.
         gain = float((area * normal[triangles].mean(1)).sum())  # m3 for a metre along the normals
         size = float(np.cbrt(max(wanted, 0.0)))
         move = (wanted - signed_volume(vertices, triangles)) / max(gain, 1e-12)
-        vertices = vertices + np.clip(move, -0.02 * size, 0.02 * size) * normal
+        vertices = np.clip(vertices + np.clip(move, -0.02 * size, 0.02 * size) * normal, low, high)
     return vertices
 
 

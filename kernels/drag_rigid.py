@@ -218,7 +218,9 @@ def _of_blocks(
     s, m = moments(submersion, mode, wall, mesh, ride)
     at = wall(lambda transforms: transforms[joints], transforms)
     blocks = wall(assembled, s, m, ride.bone, at, ride.scale)
-    return blocks.sum(1) if wall.flag is None else wall(functools.partial(added, 1), blocks)
+    if wall.flag is None:  # written out, a GPU would make every block's terms anew: half as long again (an H200)
+        return blocks.sum(1)
+    return wall(functools.partial(added, 1), blocks)
 
 
 def _nearest(bounds: Array, surface: Array) -> Array:

@@ -195,7 +195,10 @@ def _corner_weights(depths: tuple[Array, Array, Array], submersion: Submersion) 
 
 
 def grouped(triangles: np.ndarray) -> np.ndarray:
-    """[groups, 3, GROUP]; the padding repeats one vertex three times: no area, no force."""
+    """[groups, 3, size], size at most `GROUP` and a multiple of `PIECES`.
+
+    The padding repeats one vertex three times: no area, no force.
+    """
     groups = max(1, -(-len(triangles) // GROUP))
     size = PIECES * -(-len(triangles) // (PIECES * groups))
     padded = np.zeros((groups * size, 3), np.int32)

@@ -204,6 +204,8 @@ def test_figures_of_gaits_gradients_memory_and_peers() -> None:
     assert found == ("peak memory, human-rigid-16384", (1.3, "falls short"))
     (found,) = verdicts([{"kind": "case", "case": "human-rigid-2048-recorded", "over_off": 1.1}]).values()
     assert found == (1.1, "reached")
+    (found,) = verdicts([{"kind": "alone", "frame_over_alone": 1.4}]).values()
+    assert found == (1.4, "falls short")
     found = verdicts([{"kind": "peers", "mujoco_over_own": 31.0, "vmap_over_own": 9.0}])
     assert list(found.values()) == [(31.0, "reached"), (9.0, "falls short")]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +13,7 @@ from jax.test_util import check_grads
 from kernels.drag_moments import summed, term_by_term
 from kernels.totals import PIECES, added, total_of
 from kernels.wall import Wall, apart, no_wall
+from tests.kernels.checks import assert_close, in_double
 
 
 @pytest.fixture(params=["one reduction", "written out"])
@@ -21,14 +24,14 @@ def wall(request: pytest.FixtureRequest) -> Wall:
 @pytest.mark.parametrize("shape", [(PIECES,), (2 * PIECES, 1), (3 * PIECES, 3, 2)])
 def test_sums(wall: Wall, shape: tuple[int, ...]) -> None:
     terms = [np.random.default_rng(k).normal(size=shape) for k in range(3)]
-    found = total_of(lambda *terms: terms, wall, *(jnp.asarray(term) for term in terms))
-    np.testing.assert_allclose(found, np.stack([term.sum(0) for term in terms]), atol=1e-5)
+    found = in_double(lambda *terms: total_of(lambda *terms: terms, wall, *terms), *terms)
+    assert_close(found, np.stack([term.sum(0) for term in terms]), 1e-12)
 
 
 def test_sums_over_any_axis() -> None:
     x = np.random.default_rng(0).normal(size=(3, 1, 5))
     for axis in range(3):
-        np.testing.assert_allclose(added(axis, jnp.asarray(x)), x.sum(axis), atol=1e-6)
+        assert_close(in_double(functools.partial(added, axis), x), x.sum(axis), 1e-12)
         check_grads(lambda x, axis=axis: added(axis, jnp.asarray(x)), (jnp.asarray(x),), order=2, modes=("fwd", "rev"))
 
 
@@ -36,10 +39,10 @@ def test_sums_over_any_axis() -> None:
 def test_products_written_out(batch: tuple[int, ...]) -> None:
     """Rows and values of blocks: what `summed` makes of them, and its derivatives in both."""
     rng = np.random.default_rng(2)
-    rows, values = jnp.asarray(rng.normal(size=(3, 4, 6))), jnp.asarray(rng.normal(size=(3, 6, *batch)))
+    rows, values = rng.normal(size=(3, 4, 6)), rng.normal(size=(3, 6, *batch))
     expected = np.einsum("bkt,bt...->kb...", rows, values)
-    np.testing.assert_allclose(term_by_term(rows, values), expected, atol=1e-5)
-    np.testing.assert_allclose(summed(rows, values), expected, atol=1e-5)
+    assert_close(in_double(term_by_term, rows, values), expected, 1e-12)
+    assert_close(in_double(summed, rows, values), expected, 1e-12)
 
     def f(rows: jax.Array, values: jax.Array) -> jax.Array:
         return term_by_term(jnp.asarray(rows), jnp.asarray(values))
