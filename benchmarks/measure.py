@@ -96,6 +96,7 @@ def measure(job: Job) -> dict[str, Any]:
 def _compiled(job: Job, frames: int) -> tuple[Any, Any, dict[str, Any]]:
     """(layout, [(executable, assets, params, states) of each device], seconds and bytes of the compiled program)."""
     from crowd.build import build
+    from crowd.one_compile import compiled_once
     from crowd.scene import load
     from crowd.simulate import compiled, dealt
 
@@ -107,8 +108,7 @@ def _compiled(job: Job, frames: int) -> tuple[Any, Any, dict[str, Any]]:
     run = compiled(program[0], -(-frames // RATE))
     lowered = [run.lower(*share, _left(share, frames)) for share in shares]
     traced, processor = time.perf_counter(), time.process_time()
-    with ThreadPoolExecutor(len(shares)) as pool:
-        executables = list(pool.map(lambda one: one.compile(), lowered))
+    executables = compiled_once(lowered)
     line = {
         "build_s": round(built - started, 3),
         "trace_s": round(traced - built, 3),

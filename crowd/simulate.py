@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import jax
 import jax.numpy as jnp
@@ -27,6 +28,7 @@ from crowd.compiler_options import options
 from crowd.components import water_surface
 from crowd.errors import fail
 from crowd.layout import Layout
+from crowd.one_compile import compiled_once
 from crowd.params import Params
 from crowd.scenario_water import WATER_HZ
 from crowd.scene import Scene
@@ -38,6 +40,9 @@ from kernels.wall import apart, no_wall
 from kernels.water import Waves
 
 CHUNK = 32  # recorded frames that leave the device at once
+Share = tuple[Assets, Params, tuple[Any, ...]]  # of a device: the arguments of `rollout`
+
+_programs: WeakKeyDictionary[Any, dict[Any, list[Any]]] = WeakKeyDictionary()  # by what `compiled` gives
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,11 +212,11 @@ def compiled(layout: Layout, chunk: int) -> Any:
     return jax.jit(functools.partial(rollout, layout, chunk), donate_argnums=(2,), compiler_options=options())
 
 
-def dealt(program: Program, devices: int) -> list[tuple[Assets, Params, tuple[Any, ...]]]:
+def dealt(program: Program, devices: int) -> list[Share]:
     """Arrays for each device: its share of every herd's tiles, and copies of what all characters share.
 
-    Every device runs the same program by itself. Sharding one program over them compiles differently, and a character's
-    bits would then depend on the number of devices.
+    Every device runs the same program by itself. Sharding one program over them, `shard_map` included, compiles
+    differently, and a character's bits would then depend on the number of devices.
     """
     layout, assets, params, states = program
     if layout.water is not None and devices > 1:
@@ -257,9 +262,9 @@ def stream(
     every = layout.record_every
     chunk = max(1, min(chunk, -(-total // every)))
     run = compiled(layout, chunk)
-    run.trace(*shares[0], np.int32(total))  # once: the devices' threads would each do it
-    with ThreadPoolExecutor(count) as pool:  # compiling, the first time, goes on at once too
-        running = [pool.submit(_advanced, run, total, share) for share in shares]
+    with ThreadPoolExecutor(count) as pool:
+        runs = pool.submit(_on_each, run, shares).result()  # in a thread: the caller may be interrupted meanwhile
+        running = [pool.submit(_advanced, *one, total) for one in zip(runs, shares, strict=True)]
         for done in range(0, total, chunk * every):
             stepped = min(total - done, chunk * every)
             states, shown = zip(*(one.result() for one in running), strict=True)
@@ -267,7 +272,7 @@ def stream(
                 on_state(_joined(states))
             shares = [(*share[:2], state) for share, state in zip(shares, states, strict=True)]
             left = total - done - stepped
-            running = [pool.submit(_advanced, run, left, share) for share in shares if left]
+            running = [pool.submit(_advanced, *one, left) for one in zip(runs, shares, strict=True) if left]
             made = [_chunk(scene, layout, shown, done, stepped)]
             del shown  # two chunks on the device are enough
             yield made.pop()
@@ -295,10 +300,25 @@ def _water(scene: Scene, shown: Any, time: np.ndarray, first: int) -> WaterFrame
     return WaterFrames(time[kept], np.asarray(shown[-1])[kept], grid.x, grid.z, grid.surface)
 
 
-def _advanced(run: Callable[..., Any], left: int, share: tuple[Assets, Params, tuple[Any, ...]]) -> Any:
+def _on_each(run: Any, shares: Sequence[Share]) -> list[Callable[..., Any]]:
+    """What steps the share of each device: `compiled` itself for one."""
+    if len(shares) == 1:
+        return [run]
+    kind = len(shares), *((leaf.shape, leaf.dtype) for leaf in jax.tree.leaves(shares[0]))
+    made = _programs.setdefault(run, {})
+    if kind not in made:
+        made[kind] = compiled_once([run.lower(*share, _left(share, 0)) for share in shares])
+    return made[kind]
+
+
+def _advanced(run: Callable[..., Any], share: Share, left: int) -> Any:
     """One chunk on the device that holds the share."""
-    device = share[2][0].frame.device
-    return jax.block_until_ready(run(*share, jax.device_put(np.int32(left), device)))
+    return jax.block_until_ready(run(*share, _left(share, left)))
+
+
+def _left(share: Share, frames: int) -> Array:
+    """The last argument of `rollout`."""
+    return jax.device_put(np.int32(frames), share[2][0].frame.device)
 
 
 def _joined(parts: Sequence[Any]) -> Any:

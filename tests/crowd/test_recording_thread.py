@@ -71,11 +71,11 @@ def test_the_next_chunk_is_stepped_while_the_caller_has_one(monkeypatch: pytest.
     """Without the caller asking for it; states and chunks are of the same frame nevertheless."""
     started, inner, ended = [], simulate._advanced, []
 
-    def advanced(run: Callable[..., Any], left: int, share: Any) -> Any:
+    def advanced(run: Callable[..., Any], share: Any, left: int) -> Any:
         started.append(left)
         if len(started) == 2:
             second.set()
-        return inner(run, left, share)
+        return inner(run, share, left)
 
     second = Event()
     monkeypatch.setattr(simulate, "_advanced", advanced)
