@@ -9,6 +9,9 @@ RATE = 60  # Hz; recorded once a second, so that recording does not weigh
 DEPTH = 0.5  # m of water, to the knees of a person
 DEEP = 1.3  # m, to the chest: groups of triangles that are dry cost nothing, so depth matters
 
+# m of water that come up as far on others as DEPTH on a person, in shares of their heights
+KNEES = {"dog": 0.24, "hexapod": 0.16, "spider": 0.16}
+
 # m/s, an ordinary walk of each built-in
 SPEED = {"human": 1.3, "dog": 1.0, "hexapod": 0.3, "spider": 0.3}
 
@@ -43,7 +46,7 @@ def named(case: Case) -> str:
     """What a case of the lists is called: who, in what, how they walk (footsteps unless said), how many, and then."""
     ground = "rubble" if case.rubble else "dry"
     parts = [archetype for archetype, _ in case.herds] + [case.mesh if case.water else ground]
-    parts += ["deep"] if case.depth == DEEP else []
+    parts += ["deep"] if case.depth == DEEP else ["knees"] if case.depth in KNEES.values() else []
     parts += {"footsteps": [], "semi_procedural": ["strides"], "clip": ["clip"]}[case.gait]
     parts.append(str(case.count))
     parts += [f"{case.devices}dev"] if case.devices > 1 else []
@@ -69,6 +72,9 @@ CASES = (
     Case("dog-rigid-2048", (("dog", 2048),), asked="quick"),
     Case("hexapod-rigid-2048", (("hexapod", 2048),)),
     Case("spider-rigid-2048", (("spider", 2048),), asked="quick"),
+    Case("dog-rigid-knees-2048", (("dog", 2048),), depth=KNEES["dog"], asked="quick"),
+    Case("hexapod-rigid-knees-2048", (("hexapod", 2048),), depth=KNEES["hexapod"]),
+    Case("spider-rigid-knees-2048", (("spider", 2048),), depth=KNEES["spider"], asked="quick"),
     Case("dog-skinned-2048", (("dog", 2048),), mesh="skinned", asked="all"),
     Case("hexapod-skinned-2048", (("hexapod", 2048),), mesh="skinned", asked="all"),
     Case("spider-skinned-2048", (("spider", 2048),), mesh="skinned", asked="all"),

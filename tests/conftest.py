@@ -25,6 +25,9 @@ CHECKED = sorted({path.stem for path in (REPOSITORY / "crowd").iterdir() if path
 # Shapes and types are checked under pytest only.
 install_import_hook(["kernels", *(f"crowd.{name}" for name in CHECKED)], "tests.typechecker.check")
 
+from crowd import compiler_options  # noqa: E402  (checked, too)
+
+compiler_options.prepare()  # programs are those of the commands
 
 MUCH = 3e9  # bytes
 

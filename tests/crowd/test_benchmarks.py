@@ -180,7 +180,7 @@ def test_figures_reached_and_not() -> None:
     assert found == {
         "human, rigid, in water, N = 2048, one core": (3.0, "reached"),
         "human, skinned, in water, N = 2048, one core": (9.0, "falls short"),
-        "dog against human, rigid": (2.0, "falls short"),
+        "dog against human, rigid, both in 0.5 m": (2.0, ""),
         "2 devices against 1, rigid": (2.0, "reached"),
         "2 devices against 1, skinned": (1.5, "falls short"),
         "rigid at 60 Hz in real time, two cores": (pytest.approx(1e6 / 60 / 1.5), "reached"),
