@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
@@ -31,6 +32,7 @@ class Job:
     profile: bool = True  # also time the stages
     platform: Literal["cpu", "gpu"] = "cpu"
     warm: bool = True  # also compiled again from the cache, by `run.py`
+    reference: str | None = None  # address of what it is timed in turns with, see `reference.py`
 
     def text(self) -> str:
         """As JSON, for the command line."""
@@ -52,8 +54,8 @@ def frames_for(count: int) -> int:
     return RATE * max(1, min(8, 2048 // max(count, 1)))
 
 
-def measure(job: Job) -> dict[str, Any]:
-    """Compiles the case, times it and returns the measurement. Chooses cores and devices: needs a fresh process."""
+def _begun(job: Job) -> list[int]:
+    """Chooses cores and devices, before JAX starts; returns the cores."""
     pinned = pin(job.case.devices) if job.platform == "cpu" else []
     import jax
 
@@ -65,6 +67,28 @@ def measure(job: Job) -> dict[str, Any]:
     elif jax.default_backend() == "cpu":
         raise SystemExit("JAX finds no GPU here: it needs a plug-in of its own (jax[cuda13]) and a driver")
     compile_cache.enable()
+    return pinned
+
+
+def prepared(job: Job) -> Callable[[], float]:
+    """Runs the case once whenever called, and returns microseconds per character-frame. Needs a fresh process, too."""
+    _begun(job)
+    frames = job.frames or frames_for(job.case.count)
+    program = _compiled(job, frames)[1]
+
+    def once() -> float:
+        nonlocal program
+        program, wall, _ = _advanced(program, frames)
+        return 1e6 * wall / (frames * job.case.count)
+
+    return once
+
+
+def measure(job: Job) -> dict[str, Any]:
+    """Compiles the case, times it and returns the measurement. Chooses cores and devices: needs a fresh process."""
+    pinned = _begun(job)
+    import jax
+
     if job.case.gradient:
         from benchmarks.gradient import measured
 
@@ -98,7 +122,7 @@ def _compiled(job: Job, frames: int) -> tuple[Any, Any, dict[str, Any]]:
     from crowd.build import build
     from crowd.one_compile import compiled_once
     from crowd.scene import load
-    from crowd.simulate import compiled, dealt
+    from crowd.simulate import compiled, dealt, to_go
 
     started = time.perf_counter()
     scene = load(scenario(job.case))
@@ -106,7 +130,7 @@ def _compiled(job: Job, frames: int) -> tuple[Any, Any, dict[str, Any]]:
     shares = dealt(program, job.case.devices)
     built = time.perf_counter()
     run = compiled(program[0], -(-frames // RATE))
-    lowered = [run.lower(*share, _left(share, frames)) for share in shares]
+    lowered = [run.lower(*share, to_go(share, frames)) for share in shares]
     traced, processor = time.perf_counter(), time.process_time()
     executables = compiled_once(lowered)
     line = {
@@ -123,46 +147,56 @@ def _compiled(job: Job, frames: int) -> tuple[Any, Any, dict[str, Any]]:
     return program[0], [(one, *share) for one, share in zip(executables, shares, strict=True)], line
 
 
-def _left(share: Any, frames: int) -> Any:
-    """The last argument of `rollout`, on the device of a share: frames to go."""
-    import jax
-    import numpy as np
-
-    return jax.device_put(np.int32(frames), share[2][0].frame.device)
-
-
-def _timed(program: Any, job: Job, frames: int) -> tuple[tuple[Any, ...], dict[str, Any]]:
-    """Runs the program once untimed, then `job.runs` times. Returns (what it can be called with next, samples).
+def _advanced(program: Any, frames: int) -> tuple[Any, float, float]:
+    """(the program with the states after so many frames, seconds of wall time, and of processor time).
 
     Every device runs its share in a thread of its own, as `crowd.simulate.stream` does.
     """
     import jax
-    import numpy as np
+
+    from crowd.simulate import to_go
 
     def advance(one: Any) -> Any:
         executable, assets, params, states = one
-        states, _ = jax.block_until_ready(executable(assets, params, states, _left(one[1:], frames)))
+        states, _ = jax.block_until_ready(executable(assets, params, states, to_go(one[1:], frames)))
         return executable, assets, params, states
 
-    wall, processor = [], []
     with ThreadPoolExecutor(len(program)) as pool:
-        for run in range(job.runs + 1):
-            at, used = time.perf_counter(), time.process_time()
-            program = list(pool.map(advance, program))
-            if run:  # the first one fetches pages and walks the crowd in
-                wall.append(time.perf_counter() - at)
-                processor.append(time.process_time() - used)
+        at, used = time.perf_counter(), time.process_time()
+        program = list(pool.map(advance, program))
+        return program, time.perf_counter() - at, time.process_time() - used
+
+
+def _timed(program: Any, job: Job, frames: int) -> tuple[tuple[Any, ...], dict[str, Any]]:
+    """Runs the program once untimed, then `job.runs` times. Returns (what it can be called with next, samples)."""
+    import numpy as np
+
+    from benchmarks.reference import asked
+
     per = 1e6 / (frames * job.case.count)
+    samples, references = [], []
+    program, *_ = _advanced(program, frames)  # the first one fetches pages and walks the crowd in
+    with asked(job.reference) as reference:
+        for _ in range(job.runs):
+            if reference is not None:
+                references.append(reference())
+            program, *seconds = _advanced(program, frames)
+            samples.append(seconds)
+    wall, processor = (per * np.array(samples)).T
     faults = sum(int(np.count_nonzero(np.asarray(state.fault))) for one in program for state in one[3])
-    return program[0][1:], {
+    line = {
         "frames": frames,
         "runs": job.runs,
-        "us": round(float(np.median(wall)) * per, 4),
-        "us_min": round(min(wall) * per, 4),
-        "us_max": round(max(wall) * per, 4),
-        "us_cpu": round(float(np.median(processor)) * per, 4),  # of all cores together
+        "us": round(float(np.median(wall)), 4),
+        "us_min": round(float(wall.min()), 4),
+        "us_max": round(float(wall.max()), 4),
+        "us_cpu": round(float(np.median(processor)), 4),  # of all cores together
         "frozen_by_a_fault": faults,
     }
+    if references:
+        line["over_reference"] = round(float(np.median(wall / np.array(references))), 4)
+        line["reference_us"] = round(float(np.median(references)), 4)
+    return program[0][1:], line
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -29,6 +30,7 @@ from benchmarks.machine import ROOT, cores, machine
 from benchmarks.measure import Job
 from benchmarks.plots import drawn
 from benchmarks.record import compared as recorded
+from benchmarks.reference import standing
 from benchmarks.start import start as measure_start
 from benchmarks.table import show, told
 from crowd.errors import nearest
@@ -97,7 +99,7 @@ def chosen(names: list[str], quick: bool, platform: Platform = "cpu", every: boo
 
 def main(
     case: Annotated[list[str] | None, typer.Option(help="Only this case (repeatable).")] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="The promised figures that fit ten minutes.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="The promised figures that fit 20 minutes.")] = False,
     every: Annotated[bool, typer.Option("--all", help="Cases that take long or promise nothing, too.")] = False,
     names: Annotated[bool, typer.Option("--list", help="Print the cases and stop.")] = False,
     platform: Annotated[Platform, typer.Option(help="gpu: cases of its own, on the first one.")] = "cpu",
@@ -127,13 +129,16 @@ def main(
     earlier = None if compare is None else read(compare)  # now: a bad file need not cost the measurement
     here = machine()
     console.print(f"{here['cpu']}, {here['cores']} cores, load {here['load_1min']}, jax {here['jax']}")
-    jobs = [lambda one=one: run_case(Job(one, frames, runs, stages, platform, warm)) for one in cases]
+    with standing() if platform == "cpu" and len(cases) > 1 else nullcontext() as reference:
+        jobs = [lambda one=one: run_case(Job(one, frames, runs, stages, platform, warm, reference)) for one in cases]
+        lines = _measured(jobs, out, console)
+    jobs = []
     if platform == "cpu":
         jobs += [lambda: _beside("alone", "benchmarks.alone")] * (stages and any(one.name == ALONE for one in cases))
         jobs += [lambda: _beside("peaks", "benchmarks.peaks")] * roofline
         jobs += [_start] * start
         jobs += [lambda: _beside("peers", "benchmarks.peers", "--json")] * peers
-    lines = _measured(jobs, out, console)
+    lines += _measured(jobs, out, console, "a")
     show(lines, figures(lines) if platform == "cpu" else [], console)
     if earlier is not None:
         show_differences(earlier, lines, console)
@@ -144,11 +149,13 @@ def main(
         raise typer.Exit(1)
 
 
-def _measured(jobs: Sequence[Callable[[], Line]], out: Path, console: Console) -> list[Line]:
+def _measured(
+    jobs: Sequence[Callable[[], Line]], out: Path, console: Console, mode: Literal["w", "a"] = "w"
+) -> list[Line]:
     """The lines of all jobs, written to a file while they come."""
     lines = []
     out.parent.mkdir(parents=True, exist_ok=True)
-    with out.open("w", encoding="utf-8") as file:
+    with out.open(mode, encoding="utf-8") as file:
         for job in jobs:
             line = job() | {"machine": machine()}
             lines.append(line)

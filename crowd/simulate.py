@@ -307,17 +307,17 @@ def _on_each(run: Any, shares: Sequence[Share]) -> list[Callable[..., Any]]:
     kind = len(shares), *((leaf.shape, leaf.dtype) for leaf in jax.tree.leaves(shares[0]))
     made = _programs.setdefault(run, {})
     if kind not in made:
-        made[kind] = compiled_once([run.lower(*share, _left(share, 0)) for share in shares])
+        made[kind] = compiled_once([run.lower(*share, to_go(share, 0)) for share in shares])
     return made[kind]
 
 
 def _advanced(run: Callable[..., Any], share: Share, left: int) -> Any:
     """One chunk on the device that holds the share."""
-    return jax.block_until_ready(run(*share, _left(share, left)))
+    return jax.block_until_ready(run(*share, to_go(share, left)))
 
 
-def _left(share: Share, frames: int) -> Array:
-    """The last argument of `rollout`."""
+def to_go(share: Share, frames: int) -> Array:
+    """The last argument of `rollout`, on the device of a share."""
     return jax.device_put(np.int32(frames), share[2][0].frame.device)
 
 

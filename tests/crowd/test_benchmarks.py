@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import io
+import itertools
 import json
+import time
 from pathlib import Path
+from threading import Thread
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +18,7 @@ from jax import core
 from rich.console import Console
 
 import crowd
-from benchmarks import alone, record
+from benchmarks import alone, record, reference
 from benchmarks.cases import CASES, GPU_CASES, Case, named, scenario
 from benchmarks.figures import alone_name, figures
 from benchmarks.gradient import measured
@@ -189,6 +192,34 @@ def test_figures_reached_and_not() -> None:
         "compile of one archetype, no cache, one core": (9.0, "falls short"),
         "warm start of `crowd run` to its first frames": (4.0, "reached"),
     }
+
+
+def test_ratios_are_of_turns_with_the_reference() -> None:
+    """Where the machine was half as fast for the second case."""
+    measured = lines(human_rigid_2048=3.0, human_rigid_64=8.0, human_rigid_2048_2dev=3.0)
+    for line, over in zip(measured, (1.0, 1.25, 0.5), strict=True):
+        line["over_reference"] = over
+    found = verdicts(measured)
+    assert found["per character, human-rigid-64 against 2048"] == (1.25, "reached")
+    assert found["2 devices against 1, rigid"] == (2.0, "reached")
+    assert found["rigid at 60 Hz in real time, two cores"] == (pytest.approx(1e6 / 60 / 3.0), "falls short")
+
+
+def test_the_reference_answers_every_case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    answers = itertools.count(0.0)  # the first one is not timed
+    monkeypatch.setattr(reference, "prepared", lambda job: lambda: next(answers))
+    address = str(tmp_path / "socket")
+    Thread(target=reference.serve, args=(address, Job(reference.CASE)), daemon=True).start()
+    while not Path(address).exists():
+        time.sleep(0.01)
+    told = []
+    for _ in range(2):
+        with reference.asked(address) as ask:
+            assert ask is not None
+            told += [ask(), ask()]
+    assert told == [1.0, 2.0, 3.0, 4.0]
+    with reference.asked(None) as ask:
+        assert ask is None
 
 
 def test_figures_of_gaits_gradients_memory_and_peers() -> None:
