@@ -47,6 +47,11 @@ class Figure:
         return {None: "", True: "reached", False: "falls short"}[self.reached]
 
 
+def comparable(line: Line) -> float | None:
+    """Cost of a case, for ratios of cases: in turns with the reference where there was one."""
+    return line.get("over_reference", line.get("us"))
+
+
 def figures(lines: Iterable[Line]) -> list[Figure]:
     """All figures; those whose cases are not among the lines have no value."""
     lines = [line for line in lines if "error" not in line]
@@ -58,8 +63,7 @@ def figures(lines: Iterable[Line]) -> list[Figure]:
         return case.get(name, {}).get("us")
 
     def turns(name: str) -> float | None:
-        line = case.get(name, {})
-        return line.get("over_reference", line.get("us"))
+        return comparable(case.get(name, {}))
 
     return [
         *_costs(us),

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.cases import CASES, GPU_CASES, RATE
+from benchmarks.figures import comparable
 from benchmarks.roofline import roofs
 from benchmarks.stages import LOOPS, STAGES
 
@@ -121,7 +122,7 @@ def devices(_: list[Line], cases: list[Line]) -> Any:
         for k, line in enumerate((one, many)):
             rate = 1e6 / RATE / line["us"]
             axes.bar(place + 0.38 * k - 0.19, rate, 0.34, color=COLOURS[line["mesh"]], alpha=0.55 + 0.45 * k)
-            gain = f"\n{one['us'] / many['us']:.2f} x" if k else ""
+            gain = f"\n{(comparable(one) or 0.0) / (comparable(many) or 1.0):.2f} x" if k else ""
             text = f"{line['devices']} core{'s' if k else ''}\n{rate:.0f}{gain}"
             _noted(axes, text, place + 0.38 * k - 0.19, rate)
     axes.set_xticks(range(len(bars)), [one["case"] for one, _ in bars])
