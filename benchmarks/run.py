@@ -130,6 +130,8 @@ def main(
     here = machine()
     console.print(f"{here['cpu']}, {here['cores']} cores, load {here['load_1min']}, jax {here['jax']}")
     with standing() if platform == "cpu" and len(cases) > 1 else nullcontext() as reference:
+        if platform == "cpu" and len(cases) > 1 and reference is None:
+            console.print("the reference does not start: ratios are of cases minutes apart")
         jobs = [lambda one=one: run_case(Job(one, frames, runs, stages, platform, warm, reference)) for one in cases]
         lines = _measured(jobs, out, console)
     jobs = []

@@ -6,14 +6,17 @@ import functools
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from threading import Lock
 
 import jax
 from jax.stages import Compiled, Lowered
 
+_ONE_AT_A_TIME = Lock()  # two runs would put back each other's keys
+
 
 def compiled_once(lowered: Sequence[Lowered]) -> list[Compiled]:
     """lowered: the same program with arguments on each device. All are compiled, at once, where there is no cache."""
-    with _keys_without_devices(), ThreadPoolExecutor(len(lowered)) as pool:
+    with _ONE_AT_A_TIME, _keys_without_devices(), ThreadPoolExecutor(len(lowered)) as pool:
         first = [lowered[0].compile()] if _cached() else []
         return [*first, *pool.map(lambda one: one.compile(), lowered[len(first) :])]
 
