@@ -8,20 +8,21 @@ groups of triangles that are dry are left out: JAX cannot go back through a loop
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from kernels.drag import OffsetMode, Submersion
+from kernels.drag import OffsetMode, Submersion, wet_share_slope
 from kernels.drag_moments import (
     Ride,
     RigidMesh,
     assembled,
     depths_of,
     factor,
-    moments_and_arrays,
-    share,
+    moments_and_shares,
     term_by_term,
     through_of,
 )
@@ -62,7 +63,7 @@ def pulled(
 
     ride: of the blocks. rows: `readings` of the mesh. Of the scale and the fluid's numbers they are [*b].
     """
-    (s, m), wet = moments_and_arrays(submersion, mode, wall, mesh, ride)
+    (s, m), wet = moments_and_shares(submersion, mode, wall, mesh, ride)
     size = jnp.broadcast_to(ride.scale, s.shape[1:])
 
     def whole(s: Array, m: Array, bone: Array, at: Array, size: Array, cotangent: Array) -> tuple[Array, ...]:
@@ -70,32 +71,68 @@ def pulled(
         return pull(jnp.broadcast_to(cotangent[:, None], total.shape))
 
     on_s, on_m, on_bone, on_at, on_size = wall(whole, s, m, ride.bone, at, size, cotangent)
-    on_factor, on_magnitude = (wall(_read, mesh.moments, x) for x in (on_s, on_m))
-    loads = wall(functools.partial(_loads, mode, mesh), ride, wet, on_factor, on_magnitude)
-    corners = wall(functools.partial(_corners, submersion, mesh), ride.bone, loads[2])
-    each = zip(rows, (*loads[:2], *corners), strict=True)
+    on_moments = [wall(_read, mesh.moments, x) for x in (on_s, on_m)]
+    through, square = (wall(functools.partial(_of, i, through_of), mesh, ride.bone) for i in range(2))
+    fluid = (ride.density_drag, ride.offset_force, ride.scale)
+    on_facing, on_square, *on_fluid = (
+        wall(functools.partial(_of, i, functools.partial(_loads, mode)), through, square, wet, *fluid, *on_moments)
+        for i in range(5)
+    )
+    on_through = wall(jnp.multiply, on_facing, wet)
+    on_wet = wall(jnp.multiply, on_facing, through)
+    corners = _corners(submersion, wall, mesh, ride.bone, wet, on_wet)
+    each = zip(rows, (on_through, on_square, *corners), strict=True)
     numbers = [(first, wall(term_by_term, constants, values)) for (first, constants), values in each]
     on_bone = wall(_on_bone, ride.bone, on_bone, *_joined(numbers))
-    on_density, on_offset, on_scale = (wall(lambda x: added(0, added(1, x)), x) for x in loads[3:])
+    on_density, on_offset, on_scale = (wall(lambda x: added(0, added(1, x)), x) for x in on_fluid)
     return Ride(on_bone, on_scale + wall(functools.partial(added, 0), on_size), on_density, on_offset), on_at
 
 
+def _of(which: int, stage: Callable[..., Sequence[Array]], *given: Any) -> Array:
+    """One of the arrays that a stage makes: each behind a wall of its own, XLA makes no others on the way."""
+    return stage(*given)[which]
+
+
 def _loads(
-    mode: OffsetMode, mesh: RigidMesh, ride: Ride, wet: Array, on_factor: Array, on_magnitude: Array
+    mode: OffsetMode,
+    through: Array,
+    square: Array,
+    wet: Array,
+    density_drag: Array,
+    offset_force: Array,
+    scale: Array,
+    on_factor: Array,
+    on_magnitude: Array,
 ) -> tuple[Array, ...]:
-    """[blocks, size, *b] cotangents of: flow through, square of the speed, wet share, density, offset, scale."""
+    """[blocks, size, *b] cotangents of: flow through the wet part, square of the speed, density, offset, scale."""
 
-    def both(through: Array, square: Array, *rest: Array) -> tuple[Array, Array]:
-        f = factor(mode, through, square, *rest)
-        return f, f * jnp.sqrt(square + TINY)
+    def both(*given: Array) -> tuple[Array, Array]:
+        f = factor(mode, *given)
+        return f, f * jnp.sqrt(given[1] + TINY)
 
-    fluid = (jnp.broadcast_to(x, wet.shape) for x in (ride.density_drag, ride.offset_force, ride.scale))
-    return jax.vjp(both, *through_of(mesh, ride.bone), wet, *fluid)[1]((on_factor, on_magnitude))
+    fluid = (jnp.broadcast_to(x, wet.shape) for x in (density_drag, offset_force, scale))
+    return jax.vjp(both, through * wet, square, *fluid)[1]((on_factor, on_magnitude))
 
 
-def _corners(submersion: Submersion, mesh: RigidMesh, bone: Array, on_wet: Array) -> tuple[Array, ...]:
+def _corners(
+    submersion: Submersion, wall: Wall, mesh: RigidMesh, bone: Array, wet: Array, on_wet: Array
+) -> Iterator[Array]:
     """[blocks, size, *b] cotangents of the depths of the corners, under each level."""
-    return jax.vjp(functools.partial(share, submersion), *depths_of(mesh, bone))[1](on_wet)
+    for level in range(bone.shape[1] - 9):
+        for corner in range(3):
+            if submersion == "centroid":
+                yield jnp.zeros_like(on_wet)
+            else:
+                yield wall(functools.partial(_corner, level, corner, mesh), bone, wet, on_wet)
+
+
+def _corner(level: int, corner: int, mesh: RigidMesh, bone: Array, wet: Array, on_wet: Array) -> Array:
+    """Of one corner. Between two levels what is wet is the difference of two shares, where positive."""
+    depths = depths_of(mesh, bone)[3 * level : 3 * level + 3]
+    slope = wet_share_slope(*depths[corner:], *depths[:corner]) * on_wet
+    if bone.shape[1] == 10:
+        return slope
+    return jnp.where(wet > 0, slope if level == 0 else -slope, 0.0)
 
 
 def _joined(numbers: list[tuple[int, Array]]) -> list[Array]:

@@ -116,6 +116,10 @@ class _Own(NamedTuple):
     def __call__(self, x: Array, axis: int = 0) -> Array:
         return jax.lax.dynamic_slice_in_dim(x, self.first, self.size, axis)
 
+    def put(self, every: Array, part: Array) -> Array:
+        """`every` with the group's part in it."""
+        return jax.lax.dynamic_update_slice_in_dim(every, part, self.first, 0)
+
     def mesh(self, mesh: RigidMesh) -> RigidMesh:
         return RigidMesh(*(self(x, axis) for x, axis in zip(mesh, AXES, strict=True)))
 
@@ -176,29 +180,40 @@ def _pulled(
     """Cotangents of the ride and the transforms from that of the totals: the transpose of `_changed`."""
     mesh, ride, transforms = given
     rows = backwards.readings(mesh, ride.bone.shape[1] - 9)
-    joints = np.arange(len(transforms))
 
-    def group(own: _Own, total: tuple[Ride, Array]) -> tuple[Ride, Array]:
+    def group(own: _Own, total: _Found) -> _Found:
         bone = own(jnp.asarray(bones))
         here = ride._replace(bone=apart(lambda x: x[bone], ride.bone))
         part = [(first, own(each)) for first, each in rows]
         moved = apart(lambda x: x[bone], transforms)
         on, on_moved = backwards.pulled(submersion, mode, apart, own.mesh(mesh), part, here, moved, cotangent)
-        which = (joints[:, None] == bone).astype(cotangent.dtype)  # a product adds blocks up sooner than a scatter
-        found = on._replace(bone=apart(_spread, which, on.bone)), apart(_spread, which, on_moved)
-        return jax.tree.map(jnp.add, total, found)
+        placed = (own.put(all_of, some) for all_of, some in ((total.bone, on.bone), (total.transforms, on_moved)))
+        return _Found(*placed, tuple(x + y for x, y in zip(total.numbers, on[1:], strict=True)))
 
     one = jnp.zeros_like(ride.scale)  # what all characters may have alike is added up for each at first
-    start = Ride(jnp.zeros_like(ride.bone), one, one, one), jnp.zeros_like(transforms)
-    on, on_transforms = _over_wet(bones, apart, mesh, ride, group, start)
+    dry = (jnp.zeros((len(bones), *x.shape[1:]), x.dtype) for x in (ride.bone, transforms))
+    found = _over_wet(bones, apart, mesh, ride, group, _Found(*dry, (one, one, one)))
+    on_bone, on_transforms = (
+        apart(functools.partial(_onto_joints, bones, len(x)), blocks)
+        for x, blocks in ((ride.bone, found.bone), (transforms, found.transforms))
+    )
     narrow = jax.vjp(lambda *numbers: [jnp.broadcast_to(x, ride.scale.shape) for x in numbers], *ride[1:])[1]
-    return Ride(on.bone, *narrow([*on[1:]])), on_transforms
+    return Ride(on_bone, *narrow([*found.numbers])), on_transforms
 
 
-def _spread(which: Array, blocks: Array) -> Array:
-    """[joints, k, *b] sums of blocks [blocks, k, *b]; which [joints, blocks]: 1 where a block rides on a joint."""
-    product = jax.lax.dot_general(which, blocks.reshape(len(blocks), -1), (((1,), (0,)), ((), ())))
-    return product.reshape(len(which), *blocks.shape[1:])
+class _Found(NamedTuple):
+    """Cotangents of what blocks take from their bones, and of the numbers of a `Ride`."""
+
+    bone: Array  # [blocks, 10 or 11, *b]
+    transforms: Array  # [blocks, 7, *b]
+    numbers: tuple[Array, Array, Array]  # [*b] each
+
+
+def _onto_joints(bones: np.ndarray, joints: int, blocks: Array) -> Array:
+    """[joints, k, *b] sums of blocks [blocks, k, *b] on the bones that they ride on."""
+    each, none = jnp.unstack(blocks), jnp.zeros_like(blocks[0])
+    riders = ([each[block] for block in np.flatnonzero(bones == joint)] for joint in range(joints))
+    return jnp.stack([functools.reduce(jnp.add, own) if own else none for own in riders])
 
 
 _total.defjvp(_total_jvp, symbolic_zeros=True)

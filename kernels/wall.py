@@ -28,6 +28,7 @@ from jax import Array
 from jax.experimental.xla_metadata import set_xla_metadata
 from jax.extend.core import ClosedJaxpr, Literal, Primitive, Var, jaxpr_as_fun
 from jax.interpreters import ad, batching, mlir
+from jax.interpreters import partial_eval as pe
 
 Flat = Callable[..., Sequence[Any]]  # a stage on arrays instead of trees
 
@@ -58,14 +59,24 @@ class Wall:
             return stage(*arguments)
         leaves, tree = jax.tree.flatten(arguments)
         closed, shapes = jax.make_jaxpr(lambda *leaves: stage(*tree.unflatten(leaves)), return_shape=True)(*leaves)
-        enclosed = len(closed.consts)  # what the stage got from its surroundings instead of by argument
+        operands = (*closed.consts, *leaves)  # the first: what the stage got from its surroundings, not by argument
+        jaxpr, given = closed.jaxpr, dict(zip(_inputs(closed.jaxpr), operands, strict=True))
+        made = [k for k, v in enumerate(jaxpr.outvars) if isinstance(v, Literal) or v not in given]
+        read = {v for eqn in jaxpr.eqns for v in eqn.invars if not isinstance(v, Literal)}
+        used = [v for v in given if v in read]
 
         def flat(*operands: Any) -> Sequence[Any]:
-            return jaxpr_as_fun(ClosedJaxpr(closed.jaxpr, operands[:enclosed]))(*operands[enclosed:])
+            own = dict(zip(used, operands, strict=True))
+            consts, arguments = ([own.get(v) for v in each] for each in (jaxpr.constvars, jaxpr.invars))
+            outs = jaxpr_as_fun(ClosedJaxpr(jaxpr, consts))(*arguments)
+            return [outs[k] for k in made]
 
-        about = dict(shapes=tuple(closed.out_avals), reach=_reach(closed.jaxpr), gated=self.flag is not True)
-        outs = wall_p.bind(self.flag, *closed.consts, *leaves, stage=flat, **about)
-        return jax.tree.unflatten(jax.tree.structure(shapes), outs)
+        reach = _reach(jaxpr, used)
+        about = dict(shapes=tuple(closed.out_avals[k] for k in made), reach=tuple(reach[k] for k in made))
+        outs = wall_p.bind(self.flag, *(given[v] for v in used), stage=flat, gated=self.flag is not True, **about)
+        found = dict(zip(made, outs, strict=True))
+        every = (found[k] if k in found else given[v] for k, v in enumerate(jaxpr.outvars))
+        return jax.tree.unflatten(jax.tree.structure(shapes), every)
 
     def linear(
         self, stage: Callable[[Any, Any], Any], transpose: Callable[[Any, Any], Any], constants: Any, x: Any
@@ -89,7 +100,8 @@ class Wall:
 
         closed, shapes = jax.make_jaxpr(stage, return_shape=True)(constants, x)
         out = jax.tree.structure(shapes)
-        about = dict(shapes=tuple(closed.out_avals), reach=_reach(closed.jaxpr), gated=self.flag is not True)
+        reach = _reach(closed.jaxpr, _inputs(closed.jaxpr))
+        about = dict(shapes=tuple(closed.out_avals), reach=reach, gated=self.flag is not True)
         outs = wall_p.bind(self.flag, *fixed, *varied, stage=flat, back=Back(pulled, count), **about)
         return out.unflatten(outs)
 
@@ -105,11 +117,15 @@ no_wall = Wall(None)
 apart = Wall(True)
 
 
-def _reach(jaxpr: Any) -> tuple[frozenset[int], ...]:
+def _inputs(jaxpr: Any) -> tuple[Var, ...]:
+    return (*jaxpr.constvars, *jaxpr.invars)
+
+
+def _reach(jaxpr: Any, operands: Sequence[Var]) -> tuple[frozenset[int], ...]:
     """For each output, the operands that its derivative may depend on."""
-    inputs = (*jaxpr.constvars, *jaxpr.invars)
-    reach: dict[Var, frozenset[int]] = {v: frozenset([i] if _differs(v.aval) else []) for i, v in enumerate(inputs)}
     none: frozenset[int] = frozenset()
+    reach = dict.fromkeys(_inputs(jaxpr), none)
+    reach |= {v: frozenset([i] if _differs(v.aval) else []) for i, v in enumerate(operands)}
     for eqn in jaxpr.eqns:
         felt = none.union(*(reach[v] for v in eqn.invars if not isinstance(v, Literal)))
         reach.update((v, felt if _differs(v.aval) else none) for v in eqn.outvars)
@@ -156,8 +172,9 @@ def _jvp(
 ) -> tuple[list[Any], list[Any]]:
     """The stage, and behind another wall its derivative along those tangents that are not zero."""
     flag, *operands = primals
-    along = [i for i, tangent in enumerate(tangents[1:]) if not isinstance(tangent, ad.Zero)]
-    moved = [k for k, felt in enumerate(reach) if felt.intersection(along)]
+    felt: frozenset[int] = frozenset().union(*reach)
+    along = [i for i, tangent in enumerate(tangents[1:]) if i in felt and not isinstance(tangent, ad.Zero)]
+    moved = [k for k, own in enumerate(reach) if own.intersection(along)]
     bind = functools.partial(wall_p.bind, flag, gated=gated)
     outs = bind(*operands, stage=stage, shapes=shapes, reach=reach, back=back)
     if back is not None and along and along[0] >= back.count:
@@ -198,18 +215,24 @@ def _transpose(
     back: Back | None = None,
 ) -> list[Any]:
     """Cotangents of the operands in which the stage is linear, behind a wall."""
-    linear = tuple(i for i, operand in enumerate(operands) if ad.is_undefined_primal(operand))
+    unknown = [i for i, operand in enumerate(operands) if ad.is_undefined_primal(operand)]
     felt = tuple(k for k, cotangent in enumerate(cotangents) if not isinstance(cotangent, ad.Zero))
+    reached: frozenset[int] = frozenset().union(*(reach[k] for k in felt))
+    linear = tuple(i for i in unknown if i in reached)
     avals = tuple(operands[i].aval for i in linear)
-    known = [operand for i, operand in enumerate(operands) if i not in linear]
+    known = [operand for i, operand in enumerate(operands) if i not in unknown]
     given = (*known, *(cotangents[k] for k in felt))
     about = dict(shapes=avals, reach=(frozenset(range(len(given))),) * len(linear), gated=gated)
-    if back is not None and linear[0] >= back.count:
+    if back is not None and unknown[0] >= back.count:
         every = [ad.instantiate_zeros(cotangent) for cotangent in cotangents]
         return [None, *_told(flag, operands[: back.count], every, operands[back.count :], back, stage, gated)]
-    pull = functools.partial(_pulled, stage, len(operands), linear, felt, avals)
+    zeros = {i: ad.Zero(operands[i].aval) for i in unknown}
+    if not linear:
+        return [None, *(zeros.get(i) for i in range(len(operands)))]
+    still = {i: operands[i].aval for i in unknown if i not in linear}
+    pull = functools.partial(_pulled, stage, len(operands), linear, still, felt, avals)
     outs = wall_p.bind(flag, *given, stage=pull, **about)
-    pulled = dict(zip(linear, outs, strict=True))
+    pulled = zeros | dict(zip(linear, outs, strict=True))
     return [None, *(pulled.get(i) for i in range(len(operands)))]
 
 
@@ -223,13 +246,23 @@ def _told(flag: Any, fixed: Any, cotangents: Any, varied: Any, back: Back, stage
 
 
 def _pulled(
-    stage: Flat, count: int, linear: tuple[int, ...], felt: tuple[int, ...], avals: tuple[Any, ...], *given: Any
+    stage: Flat,
+    count: int,
+    linear: tuple[int, ...],
+    still: dict[int, Any],
+    felt: tuple[int, ...],
+    avals: tuple[Any, ...],
+    *given: Any,
 ) -> Sequence[Any]:
-    """The transpose of a stage in its operands `linear`; given: the other operands, then cotangents of `felt`."""
-    known = count - len(linear)
+    """The transpose of a stage in its operands `linear`; given: the other operands, then cotangents of `felt`.
+
+    still: operands, and their kind, of which the outputs `felt` depend on none.
+    """
+    known = count - len(linear) - len(still)
+    none = {i: jnp.zeros(aval.shape, aval.dtype) for i, aval in still.items()}
 
     def part(*varied: Any) -> list[Any]:
-        own, rest = dict(zip(linear, varied, strict=True)), iter(given[:known])
+        own, rest = none | dict(zip(linear, varied, strict=True)), iter(given[:known])
         outs = stage(*(own[i] if i in own else next(rest) for i in range(count)))
         return [outs[k] for k in felt]
 
