@@ -8,11 +8,12 @@ groups of triangles that are dry are left out: JAX cannot go back through a loop
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from kernels.drag import OffsetMode, Submersion, wet_share_slope
@@ -27,26 +28,23 @@ from kernels.drag_moments import (
     through_of,
 )
 from kernels.totals import added
-from kernels.vec import TINY, cross
+from kernels.vec import TINY
 from kernels.wall import Wall
 
-Rows = list[tuple[int, Array]]
+THROUGH, SQUARE = slice(0, 6), slice(6, 16)  # rows of `readings`
+CORNERS = tuple(slice(16 + 4 * corner, 20 + 4 * corner) for corner in range(3))
 
 
-def readings(mesh: RigidMesh, levels: int) -> Rows:
-    """Where in `_numbers` to start, and the constants [blocks, k, size] of each array of triangles."""
-
-    def flat(vector: Array) -> Array:
-        return vector.reshape(3, *mesh.moments.shape[::2])
-
-    corners, area = [flat(corner) for corner in mesh.corners], flat(mesh.area)
-    one, centre = jnp.ones_like(area[:1]), (corners[0] + corners[1] + corners[2]) * (1.0 / 3.0)
-    x, y, z = centre
-    square = [*one, x, y, z, x * x, y * y, z * z, 2.0 * x * y, 2.0 * x * z, 2.0 * y * z]
-    rows = [(0, jnp.concatenate([area, cross(centre, area)])), (6, jnp.stack(square))]
-    for level in range(levels):
-        rows += [(16 + 4 * level, jnp.concatenate([one, corner])) for corner in corners]
-    return [(first, jnp.moveaxis(each, 0, 1)) for first, each in rows]
+def readings(corners: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """[blocks, 28, size]: what `_numbers` are multiplied by in the flow through a triangle, in its square, in the depths
+    of its corners. corners [blocks, size, 3 corners, 3], area vectors [blocks, size, 3].
+    """
+    x, y, z = centre = np.moveaxis(corners.mean(2), 2, 0)
+    one = np.ones_like(x)
+    square = [one, x, y, z, x * x, y * y, z * z, 2.0 * x * y, 2.0 * x * z, 2.0 * y * z]
+    through = np.concatenate([area, np.cross(np.moveaxis(centre, 0, 2), area)], 2)
+    depths = [part for corner in np.moveaxis(corners, 2, 0) for part in (one, *np.moveaxis(corner, 2, 0))]
+    return np.moveaxis(np.concatenate([np.moveaxis(through, 2, 0), square, depths]), 0, 1)
 
 
 def pulled(
@@ -54,14 +52,13 @@ def pulled(
     mode: OffsetMode,
     wall: Wall,
     mesh: RigidMesh,
-    rows: Rows,
     ride: Ride,
     at: Array,
     cotangent: Array,
 ) -> tuple[Ride, Array]:
     """Cotangents of `ride` and of `at` [blocks, 7, *b], its bones' transforms, from that of the totals [8, *b].
 
-    ride: of the blocks. rows: `readings` of the mesh. Of the scale and the fluid's numbers they are [*b].
+    ride: of the blocks. Of the scale and the fluid's numbers they are [*b].
     """
     (s, m), wet = moments_and_shares(submersion, mode, wall, mesh, ride)
     size = jnp.broadcast_to(ride.scale, s.shape[1:])
@@ -78,12 +75,18 @@ def pulled(
         wall(functools.partial(_of, i, functools.partial(_loads, mode)), through, square, wet, *fluid, *on_moments)
         for i in range(5)
     )
-    on_through = wall(jnp.multiply, on_facing, wet)
-    on_wet = wall(jnp.multiply, on_facing, through)
-    corners = _corners(submersion, wall, mesh, ride.bone, wet, on_wet)
-    each = zip(rows, (on_through, on_square, *corners), strict=True)
-    numbers = [(first, wall(term_by_term, constants, values)) for (first, constants), values in each]
-    on_bone = wall(_on_bone, ride.bone, on_bone, *_joined(numbers))
+    on_through, on_wet = (wall(jnp.multiply, on_facing, x) for x in (wet, through))
+
+    def back(rows: slice, values: Array) -> Array:
+        return wall(lambda readings, values: term_by_term(readings[:, rows], values), mesh.readings, values)
+
+    on_numbers = [back(THROUGH, on_through), back(SQUARE, on_square)]
+    if submersion == "clipped":
+        for level in range(ride.bone.shape[1] - 9):
+            corners = (wall(functools.partial(_corner, level, k, mesh), ride.bone, wet, on_wet) for k in range(3))
+            on_depths = (back(rows, corner) for rows, corner in zip(CORNERS, corners, strict=True))
+            on_numbers.append(functools.reduce(jnp.add, on_depths))
+    on_bone = wall(_on_bone, ride.bone, on_bone, *on_numbers)
     on_density, on_offset, on_scale = (wall(lambda x: added(0, added(1, x)), x) for x in on_fluid)
     return Ride(on_bone, on_scale + wall(functools.partial(added, 0), on_size), on_density, on_offset), on_at
 
@@ -114,20 +117,11 @@ def _loads(
     return jax.vjp(both, through * wet, square, *fluid)[1]((on_factor, on_magnitude))
 
 
-def _corners(
-    submersion: Submersion, wall: Wall, mesh: RigidMesh, bone: Array, wet: Array, on_wet: Array
-) -> Iterator[Array]:
-    """[blocks, size, *b] cotangents of the depths of the corners, under each level."""
-    for level in range(bone.shape[1] - 9):
-        for corner in range(3):
-            if submersion == "centroid":
-                yield jnp.zeros_like(on_wet)
-            else:
-                yield wall(functools.partial(_corner, level, corner, mesh), bone, wet, on_wet)
-
-
 def _corner(level: int, corner: int, mesh: RigidMesh, bone: Array, wet: Array, on_wet: Array) -> Array:
-    """Of one corner. Between two levels what is wet is the difference of two shares, where positive."""
+    """[blocks, size, *b] cotangent of the depth of a corner under one of the levels.
+
+    Between two levels what is wet is the difference of two shares, where positive.
+    """
     depths = depths_of(mesh, bone)[3 * level : 3 * level + 3]
     slope = wet_share_slope(*depths[corner:], *depths[:corner]) * on_wet
     if bone.shape[1] == 10:
@@ -135,14 +129,10 @@ def _corner(level: int, corner: int, mesh: RigidMesh, bone: Array, wet: Array, o
     return jnp.where(wet > 0, slope if level == 0 else -slope, 0.0)
 
 
-def _joined(numbers: list[tuple[int, Array]]) -> list[Array]:
-    """Cotangents of `_numbers`, in its order: parts that start at the same place add up."""
-    starts = sorted({first for first, _ in numbers})
-    return [sum((part for first, part in numbers if first == start), jnp.zeros(())) for start in starts]
-
-
 def _on_bone(bone: Array, direct: Array, *numbers: Array) -> Array:
-    return direct + jax.vjp(_numbers, bone)[1](jnp.concatenate(numbers))[0]
+    """`direct`, and what goes back through the first of the `_numbers`."""
+    on = jnp.concatenate(numbers)
+    return direct + jax.vjp(lambda bone: _numbers(bone)[: len(on)], bone)[1](on)[0]
 
 
 def _numbers(bone: Array) -> Array:

@@ -14,7 +14,7 @@ from jaxtyping import Array
 
 from kernels import quat
 from kernels.drag import OffsetMode, Submersion, factor_of, wet_share
-from kernels.vec import TINY, cross
+from kernels.vec import TINY
 from kernels.wall import Wall
 
 
@@ -25,6 +25,7 @@ class RigidMesh(NamedTuple):
     area: Array  # [3, blocks, size, 1] area vector; zero for padding
     moments: Array  # [blocks, 4, size]: rows 1, x, y, z of the centroids
     bounds: Array  # [4, blocks, 1]: a sphere around each block, centre and radius
+    readings: Array  # [blocks, 28, size]: what triangles take from the numbers of their bone, see `drag_backwards`
 
 
 class Ride(NamedTuple):

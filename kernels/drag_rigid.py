@@ -19,7 +19,7 @@ from kernels.drag_moments import Ride, RigidMesh, assembled, moments
 from kernels.totals import added
 from kernels.wall import Wall, apart, no_wall
 
-AXES = (2, 1, 0, 1)  # of the blocks in the fields of a mesh
+AXES = (2, 1, 0, 1, 0)  # of the blocks in the fields of a mesh
 GROUPS = (10, 9, 8)  # blocks that go through together: enough to be worth the start, few enough to leave dry parts out
 
 
@@ -45,6 +45,7 @@ def rigid_mesh(corners: np.ndarray) -> RigidMesh:
         area.transpose(2, 0, 1)[..., None],
         rows.transpose(0, 2, 1),
         _spheres(corners, (area != 0).any(-1)).T[..., None],
+        backwards.readings(corners, area),
     )
     return RigidMesh(*fields)
 
@@ -179,14 +180,12 @@ def _pulled(
 ) -> tuple[Ride, Array]:
     """Cotangents of the ride and the transforms from that of the totals: the transpose of `_changed`."""
     mesh, ride, transforms = given
-    rows = backwards.readings(mesh, ride.bone.shape[1] - 9)
 
     def group(own: _Own, total: _Found) -> _Found:
         bone = own(jnp.asarray(bones))
         here = ride._replace(bone=apart(lambda x: x[bone], ride.bone))
-        part = [(first, own(each)) for first, each in rows]
         moved = apart(lambda x: x[bone], transforms)
-        on, on_moved = backwards.pulled(submersion, mode, apart, own.mesh(mesh), part, here, moved, cotangent)
+        on, on_moved = backwards.pulled(submersion, mode, apart, own.mesh(mesh), here, moved, cotangent)
         placed = (own.put(all_of, some) for all_of, some in ((total.bone, on.bone), (total.transforms, on_moved)))
         return _Found(*placed, tuple(x + y for x, y in zip(total.numbers, on[1:], strict=True)))
 
