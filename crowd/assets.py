@@ -36,8 +36,8 @@ class HerdAssets:
     """One archetype. J joints, L legs, K gaits, S samples, V vertices."""
 
     rest_translation: Array  # [3, J, 1] m, joint to parent
-    rotation_table: Array  # [4, J, (K + 1) S] joint to parent, one hemisphere per joint; the idle clip last
-    translation_table: Array  # [3, moving, (K + 1) S] m
+    rotation_table: Array  # [(K + 1) S, 4, J] joint to parent, one hemisphere per joint; the idle clip last
+    translation_table: Array  # [(K + 1) S, 3, moving] m
     idle_rate: Array  # [] cycles/s of the idle clip
     period: Array  # [K] s
     speed: Array  # [K] m/s, the clips' own

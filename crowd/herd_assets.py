@@ -94,8 +94,8 @@ def herd_assets(herd: HerdScene) -> HerdAssets:
     waypoints = herd.model.waypoints.points_m if herd.model.waypoints else np.zeros((0, 2))
     return HerdAssets(
         rest_translation=_array(rig.skeleton.rest_translation.T[..., None]),
-        rotation_table=_array(np.concatenate(_one_hemisphere([q for q, _ in poses])).transpose(2, 1, 0)),
-        translation_table=_array(np.concatenate([t for _, t in poses])[:, _moving(herd)].transpose(2, 1, 0)),
+        rotation_table=_array(np.concatenate(_one_hemisphere([q for q, _ in poses])).swapaxes(1, 2)),
+        translation_table=_array(np.concatenate([t for _, t in poses])[:, _moving(herd)].swapaxes(1, 2)),
         idle_rate=_array(np.array(1.0 / herd.idle.duration)),
         period=_array(np.array([gait.period for gait in gaits])),
         speed=_array(np.array([gait.speed for gait in gaits])),

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
+
+from kernels.wall import Wall, no_wall
 
 
 def frame_weights(
@@ -22,13 +26,20 @@ def frame_weights(
 
 
 def blend(
-    table: Float[Array, "k rows columns"], column: Int[Array, "2 slots *b"], share: Float[Array, "2 slots *b"]
+    table: Float[Array, "columns k rows"],
+    column: Int[Array, "2 slots *b"],
+    share: Float[Array, "2 slots *b"],
+    wall: Wall = no_wall,
 ) -> Float[Array, "k rows *b"]:
-    """Weighted sum of table columns. Quaternions of one row must lie on one hemisphere; the sum is not normalised."""
-    out = None
-    for end in range(2):
-        for slot in range(column.shape[1]):
-            term = table[:, :, column[end, slot]] * share[end, slot]
-            out = term if out is None else out + term
-    assert out is not None
-    return out
+    """Weighted sum of table columns. Quaternions of one row must lie on one hemisphere; the sum is not normalised.
+
+    Each column lies in one piece, and so does the sum of a character's columns: picked number by number into
+    [k, rows, *b] they take four times as long as summed as they lie and turned afterwards.
+    """
+    return wall(lambda mixed: jnp.moveaxis(mixed, (-2, -1), (0, 1)), wall(_mixed, table, column, share))
+
+
+def _mixed(table: Array, column: Array, share: Array) -> Array:
+    """[*b, k, rows]."""
+    ends = [(end, slot) for end in range(2) for slot in range(column.shape[1])]
+    return functools.reduce(jnp.add, (table[column[at]] * share[at][..., None, None] for at in ends))

@@ -260,4 +260,5 @@ def _carried(transforms: Array, velocity: Array, scale: Array, *levels: Array) -
     back = quat.conjugate(transforms[:4])
     up = quat.rotate(back, jnp.zeros_like(transforms[4:]).at[1].set(1.0))
     depths = [(level - transforms[5]) / scale for level in levels]
-    return jnp.concatenate([quat.rotate(back, velocity[:3]) / scale, velocity[3:], up, *(d[None] for d in depths)])
+    own = jnp.stack([x / scale for x in jnp.unstack(quat.rotate(back, velocity[:3]))])
+    return jnp.concatenate([own, velocity[3:], up, *(d[None] for d in depths)])

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from kernels import quat
+from kernels.vec import plus
 from kernels.wall import Wall, no_wall
 
 
@@ -35,11 +36,11 @@ def forward_kinematics(
     """
 
     def first(rotation: Array, translation: Array, root_rotation: Array, root_position: Array) -> Array:
-        position = root_position[:, None] + quat.rotate(root_rotation[:, None], translation)
+        position = plus(root_position[:, None], quat.rotate(root_rotation[:, None], translation))
         return jnp.concatenate([quat.multiply(root_rotation[:, None], rotation), position])
 
     def below(above: Array, rotation: Array, translation: Array) -> Array:
-        position = above[4:] + quat.rotate(above[:4], translation)
+        position = plus(above[4:], quat.rotate(above[:4], translation))
         return jnp.concatenate([quat.multiply(above[:4], rotation), position])
 
     rotation = wall(quat.normalize, rotation)

@@ -16,7 +16,7 @@ from crowd.layout import HerdLayout
 from crowd.params import Character, Params
 from crowd.state import State
 from kernels import arm_limits, controllers, ik, quat
-from kernels.vec import TINY, dot, smoothstep, unit
+from kernels.vec import TINY, dot, plus, smoothstep, unit
 from kernels.wall import Wall
 
 FADE = 0.3  # of the arm's length: depth of the hand over which the response fades in
@@ -170,8 +170,8 @@ def _turns(goal: _Goal, elbow: Array, hand: Array) -> tuple[Array, Array]:
 
 def _segments(goal: _Goal, turns: tuple[Array, Array], shift: Array) -> Segments:
     upper, lower = turns
-    elbow = goal.shoulder + quat.rotate(upper, goal.upper)
-    hand = elbow + quat.rotate(lower, goal.lower)
+    elbow = plus(goal.shoulder, quat.rotate(upper, goal.upper))
+    hand = plus(elbow, quat.rotate(lower, goal.lower))
     before = goal.shoulder + goal.upper
     return Segments(
         jnp.concatenate([upper, lower, lower], 1),

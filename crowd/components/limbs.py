@@ -9,6 +9,7 @@ from jax import Array
 from crowd.components.feet import Segments
 from crowd.layout import HerdLayout
 from kernels import quat
+from kernels.vec import plus
 from kernels.wall import Wall
 
 
@@ -33,7 +34,7 @@ def bend(herd: HerdLayout, transforms: Array, segments: Segments, shift: Array, 
         return transforms[:, trunk].at[4:].add(shift[:, None])
 
     def turned(transforms: Array, turn: Array, before: Array, after: Array) -> Array:
-        position = after + quat.rotate(turn, transforms[4:] - before)
+        position = plus(after, quat.rotate(turn, transforms[4:] - before))
         return jnp.concatenate([quat.multiply(turn, transforms[:4]), position])
 
     body = wall(moved, transforms, shift)

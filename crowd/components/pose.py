@@ -13,6 +13,7 @@ from crowd.params import Character
 from crowd.state import State
 from kernels import clips, quat
 from kernels.skeleton import forward_kinematics
+from kernels.vec import plus
 from kernels.wall import Wall
 
 
@@ -36,8 +37,8 @@ class Hung(NamedTuple):
 
 def pose(herd: HerdLayout, assets: HerdAssets, character: Character, state: State, poses: Poses, wall: Wall) -> Hung:
     """The clips sampled, blended and hung from the body, which turns about its hips."""
-    rotation = wall(clips.blend, assets.rotation_table, poses.column, poses.share)
-    translation = wall(clips.blend, assets.translation_table, poses.column, poses.share)
+    rotation = clips.blend(assets.rotation_table, poses.column, poses.share, wall)
+    translation = clips.blend(assets.translation_table, poses.column, poses.share, wall)
 
     def offsets(translation: Array, rest: Array, scale: Array) -> Array:
         full = jnp.broadcast_to(rest, (3, herd.joints, scale.shape[-1]))
@@ -53,7 +54,7 @@ def pose(herd: HerdLayout, assets: HerdAssets, character: Character, state: Stat
         # the body tilts about its hips, the hips lean with the legs about the ground (4.12)
         strides = assets.strides if poses.up else None
         pivot = strides.pivot * scale if strides else jnp.stack([0 * scale, assets.pivot_height * scale, 0 * scale])
-        return quat.rotate(legs, pivot) - quat.rotate(turn, pivot)
+        return plus(quat.rotate(legs, pivot), quat.rotate(turn, -pivot))
 
     offset = wall(offsets, translation, assets.rest_translation, character.scale)
     legs, body = wall(standing, state.yaw, poses.up)

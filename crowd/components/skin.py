@@ -154,8 +154,9 @@ def _uneven(layout: Layout, fluids: Fluids, place: Surroundings, state: State, p
 def _bone_velocity(rate: float | Array, now: Array, before: Array, way: Array, flow: Array) -> Array:
     """[6, J, n]: velocity of each bone's origin less the flow, and its spin in its own frame."""
     linear = (now[4:] - before[4:] + way[:, None]) * rate - _spread(flow, now)
-    turn = quat.multiply(quat.conjugate(before[:4]), now[:4])
-    return jnp.concatenate([linear, turn[1:] * (2.0 * rate * jnp.sign(turn[0]))])
+    w, *turned = jnp.unstack(quat.multiply(quat.conjugate(before[:4]), now[:4]))
+    per = 2.0 * rate * jnp.sign(w)
+    return jnp.concatenate([linear, jnp.stack([x * per for x in turned])])
 
 
 def _applied(state: State, total: drag.Drag, hips: Array) -> tuple[Array, Array, Array, Array, Array]:

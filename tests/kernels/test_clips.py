@@ -10,7 +10,7 @@ from kernels import clips
 from tests.kernels.checks import BATCHES, assert_close, assert_gradients_agree, assert_matches, in_single
 
 SAMPLES, ROWS, CLIPS = 8, 5, 3
-TABLE = np.random.default_rng(0).normal(size=(4, ROWS, CLIPS * SAMPLES))
+TABLE = np.random.default_rng(0).normal(size=(CLIPS * SAMPLES, 4, ROWS))
 
 
 def sampled(clip: np.ndarray):
@@ -27,7 +27,7 @@ def reference(clip: np.ndarray, phase: np.ndarray, weight: np.ndarray) -> np.nda
     out = np.zeros((4, ROWS, *phase.shape[1:]))
     knots = np.arange(SAMPLES + 1) / SAMPLES
     for at in np.ndindex(phase.shape):
-        columns = TABLE[:, :, clip[at] * SAMPLES : (clip[at] + 1) * SAMPLES]
+        columns = np.moveaxis(TABLE[clip[at] * SAMPLES : (clip[at] + 1) * SAMPLES], 0, 2)
         closed = np.concatenate([columns, columns[:, :, :1]], 2)
         value = np.array([[np.interp(phase[at], knots, row) for row in component] for component in closed])
         out[(slice(None), slice(None), *at[1:])] += weight[at] * value
@@ -62,4 +62,4 @@ def test_phase_at_the_ends_of_the_cycle() -> None:
     phase = np.array([[0.0, 1.0, below]])
     clip, weight = np.full((1, 3), 1, np.int32), np.ones((1, 3))
     pose = in_single(sampled(clip), TABLE, phase, weight)
-    assert_close(pose, np.repeat(TABLE[:, :, SAMPLES, None], 3, 2), 1e-5)
+    assert_close(pose, np.repeat(TABLE[SAMPLES, :, :, None], 3, 2), 1e-5)
