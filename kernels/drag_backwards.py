@@ -61,7 +61,7 @@ def pulled(
     ride: of the blocks. Of the scale and the fluid's numbers they are [*b].
     """
     (s, m), wet = moments_and_shares(submersion, mode, wall, mesh, ride)
-    size = jnp.broadcast_to(ride.scale, s.shape[1:])
+    size = jnp.broadcast_to(ride.scale, (len(s), *s.shape[2:]))
 
     def whole(s: Array, m: Array, bone: Array, at: Array, size: Array, cotangent: Array) -> tuple[Array, ...]:
         total, pull = jax.vjp(assembled, s, m, bone, at, size)
@@ -131,12 +131,12 @@ def _corner(level: int, corner: int, mesh: RigidMesh, bone: Array, wet: Array, o
 
 def _on_bone(bone: Array, direct: Array, *numbers: Array) -> Array:
     """`direct`, and what goes back through the first of the `_numbers`."""
-    on = jnp.concatenate(numbers)
-    return direct + jax.vjp(lambda bone: _numbers(bone)[: len(on)], bone)[1](on)[0]
+    on = jnp.concatenate(numbers, 1)
+    return direct + jax.vjp(lambda bone: _numbers(bone)[:, : on.shape[1]], bone)[1](on)[0]
 
 
 def _numbers(bone: Array) -> Array:
-    """[k, blocks, *b]: numbers of a bone of which everything its triangles need is a product with constants.
+    """[blocks, k, *b]: numbers of a bone of which everything its triangles need is a product with constants.
 
     N.(v + w x c) = N.v + (c x N).w;  |v + w x c|^2 = v.v + 2 (v x w).c + c.(w.w I - w w).c;  depth: d - up.x
     """
@@ -145,11 +145,11 @@ def _numbers(bone: Array) -> Array:
     linear = [2.0 * (vy * wz - vz * wy), 2.0 * (vz * wx - vx * wz), 2.0 * (vx * wy - vy * wx)]
     square = [vx * vx + vy * vy + vz * vz, *linear, yy + zz, xx + zz, xx + yy, -wx * wy, -wx * wz, -wy * wz]
     depths = [row for level in levels for row in (level, -ux, -uy, -uz)]
-    return jnp.stack([vx, vy, vz, wx, wy, wz, *square, *depths])
+    return jnp.stack([vx, vy, vz, wx, wy, wz, *square, *depths], 1)
 
 
 def _read(rows: Array, numbers: Array) -> Array:
-    """[blocks, size, *b]: rows [blocks, k, size] times numbers [k, blocks, *b]. k is small: no matrix product."""
+    """[blocks, size, *b]: rows [blocks, k, size] times numbers [blocks, k, *b]. k is small: no matrix product."""
     trailing = (1,) * (numbers.ndim - 2)
-    terms = (rows[:, k].reshape(len(rows), -1, *trailing) * numbers[k][:, None] for k in range(rows.shape[1]))
+    terms = (rows[:, k].reshape(len(rows), -1, *trailing) * numbers[:, k, None] for k in range(rows.shape[1]))
     return functools.reduce(jnp.add, terms)

@@ -38,7 +38,7 @@ class Ride(NamedTuple):
 
 
 def moments(submersion: Submersion, mode: OffsetMode, wall: Wall, mesh: RigidMesh, ride: Ride) -> tuple[Array, Array]:
-    """[4, blocks, *b] each: sums of F / (f u), and of |F|, times 1 and the centroid."""
+    """[blocks, 4, *b] each: sums of F / (f u), and of |F|, times 1 and the centroid."""
     return moments_and_shares(submersion, mode, wall, mesh, ride)[0]
 
 
@@ -105,17 +105,17 @@ def _magnitudes(mesh: RigidMesh, factors: Array, bone: Array) -> Array:
 
 
 def summed(rows: Array, values: Array) -> Array:
-    """[k, blocks, *b]: values [blocks, size, *b] times rows [blocks, k, size], summed over each block."""
+    """[blocks, k, *b]: values [blocks, size, *b] times rows [blocks, k, size], summed over each block."""
     flat = values.reshape(*values.shape[:2], -1)
     product = jax.lax.dot_general(rows, flat, (((2,), (1,)), ((0,), (0,))))
-    return jnp.moveaxis(product, 1, 0).reshape(rows.shape[1], values.shape[0], *values.shape[2:])
+    return product.reshape(*rows.shape[:2], *values.shape[2:])
 
 
 @jax.custom_jvp
 def term_by_term(rows: Array, values: Array) -> Array:
-    """`summed`, written out (see `totals.added`)."""
-    weights = jnp.moveaxis(rows, 0, 1).reshape(*rows.shape[1::-1], rows.shape[2], *(1,) * (values.ndim - 2))
-    return functools.reduce(jnp.add, (weights[:, :, i] * values[None, :, i] for i in range(rows.shape[2])))
+    """`summed`, written out (see `totals.added`). Block after block: its values are read once from far away."""
+    weights = rows.reshape(*rows.shape, *(1,) * (values.ndim - 2))
+    return functools.reduce(jnp.add, (weights[:, :, i] * values[:, None, i] for i in range(rows.shape[2])))
 
 
 @term_by_term.defjvp
@@ -131,7 +131,7 @@ def assembled(s: Array, m: Array, bone: Array, transforms: Array, scale: Array) 
     """
     vx, vy, vz, wx, wy, wz, *_ = jnp.unstack(bone, axis=1)
     *turned, px, py, pz = jnp.unstack(transforms, axis=1)
-    s0, sx, sy, sz = jnp.unstack(s)
+    s0, sx, sy, sz = jnp.unstack(s, axis=1)
     area = scale * scale
     square, cube = area * area, area * scale
     back = -square  # the force is against the velocity
@@ -140,7 +140,7 @@ def assembled(s: Array, m: Array, bone: Array, transforms: Array, scale: Array) 
         (vy * s0 + wz * sx - wx * sz) * back,
         (vz * s0 + wx * sy - wy * sx) * back,
     ]
-    magnitude, *first = (each * square for each in jnp.unstack(m))
+    magnitude, *first = (each * square for each in jnp.unstack(m, axis=1))
     turn = jnp.stack(turned)
     fx, fy, fz = jnp.unstack(quat.rotate(turn, jnp.stack(force)))
     mx, my, mz = jnp.unstack(quat.rotate(turn, jnp.stack([each * scale for each in first])))

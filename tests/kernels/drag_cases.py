@@ -90,7 +90,8 @@ def rigid_blob(batch: tuple[int, ...], seed: int = 0, still: bool = False) -> tu
     corners[-1, -1] = corners[-1, -1, :1]  # padding: no area
     mesh = drag_rigid.rigid_mesh(corners)
     tail = (1,) * len(batch)  # the kernel's layout has one axis of characters: [..., 1]
-    mesh = tuple(x if x is mesh.moments else x.reshape(*x.shape[:-1], *tail) for x in mesh)
+    constant = (mesh.moments, mesh.readings)
+    mesh = tuple(x if any(x is one for one in constant) else x.reshape(*x.shape[:-1], *tail) for x in mesh)
     transforms = np.concatenate([unit_vectors(rng, 4, BONES, *batch), 0.2 * rng.normal(size=(3, BONES, *batch))])
     velocity = rng.normal(size=(6, BONES, *batch)) * (np.arange(6) < 3 if still else np.ones(6)).reshape(
         6, 1, *(1,) * len(batch)

@@ -40,7 +40,7 @@ def test_products_written_out(batch: tuple[int, ...]) -> None:
     """Rows and values of blocks: what `summed` makes of them, and its derivatives in both."""
     rng = np.random.default_rng(2)
     rows, values = rng.normal(size=(3, 4, 6)), rng.normal(size=(3, 6, *batch))
-    expected = np.einsum("bkt,bt...->kb...", rows, values)
+    expected = np.einsum("bkt,bt...->bk...", rows, values)
     assert_close(in_double(term_by_term, rows, values), expected, 1e-12)
     assert_close(in_double(summed, rows, values), expected, 1e-12)
 
