@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from kernels import quat
+from kernels.rows import merged, picked
 from kernels.vec import plus
 from kernels.wall import Wall, no_wall
 
@@ -35,29 +36,22 @@ def forward_kinematics(
     Rotations need not be unit: they are normalised first. One wall per level: a chain fused into one loop is slow.
     """
 
-    def first(rotation: Array, translation: Array, root_rotation: Array, root_position: Array) -> Array:
-        position = plus(root_position[:, None], quat.rotate(root_rotation[:, None], translation))
-        return jnp.concatenate([quat.multiply(root_rotation[:, None], rotation), position])
+    def own(rotation: Array, translation: Array) -> Array:
+        unit = quat.normalize(rotation)
+        return jnp.concatenate([unit, jnp.broadcast_to(translation, (3, *unit.shape[1:]))])
 
-    def below(above: Array, rotation: Array, translation: Array) -> Array:
-        position = plus(above[4:], quat.rotate(above[:4], translation))
-        return jnp.concatenate([quat.multiply(above[:4], rotation), position])
+    def hung(above: Array, own: Array) -> Array:
+        position = plus(above[4:], quat.rotate(above[:4], own[4:]))
+        return jnp.concatenate([quat.multiply(above[:4], own[:4]), position])
 
-    rotation = wall(quat.normalize, rotation)
+    def roots(rotation: Array, position: Array, own: Array) -> Array:
+        return hung(jnp.concatenate([rotation, position])[:, None], own)
+
     tree = levels(parents)
-    joints = tree[0]
-    current = wall(first, rotation[:, joints], translation[:, joints], root_rotation, root_position)
-    done, order, place = [current], list(joints), {int(j): i for i, j in enumerate(joints)}
-    for joints in tree[1:]:
-        above = np.array([place[parents[j]] for j in joints])
-        current = wall(
-            lambda current, rotation, translation, above=above: below(current[:, above], rotation, translation),
-            current,
-            rotation[:, joints],
-            translation[:, joints],
-        )
-        done.append(current)
-        order += list(joints)
-        place = {int(j): i for i, j in enumerate(joints)}
-    back = np.argsort(order)
-    return wall(lambda *done: jnp.concatenate(done, 1)[:, back], *done)
+    local = picked(wall(own, rotation, translation), np.concatenate(tree), wall)
+    top, *below = jnp.split(local, np.cumsum([len(joints) for joints in tree])[:-1], axis=1)
+    done = [wall(roots, root_rotation, root_position, top)]
+    for joints, over, each in zip(tree[1:], tree, below, strict=False):
+        above = np.searchsorted(over, [parents[joint] for joint in joints])
+        done.append(wall(hung, picked(done[-1], above, wall), each))
+    return merged(done, tree, wall)

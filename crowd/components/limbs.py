@@ -9,6 +9,7 @@ from jax import Array
 from crowd.components.feet import Segments
 from crowd.layout import HerdLayout
 from kernels import quat
+from kernels.rows import merged, picked
 from kernels.vec import plus
 from kernels.wall import Wall
 
@@ -27,18 +28,15 @@ def bend(herd: HerdLayout, transforms: Array, segments: Segments, shift: Array, 
     if not len(limb):
         return transforms
     trunk = np.setdiff1d(np.arange(herd.joints), limb)
-    back = np.argsort(np.concatenate([trunk, limb]))
     which = segment[limb]
 
     def moved(transforms: Array, shift: Array) -> Array:
-        return transforms[:, trunk].at[4:].add(shift[:, None])
+        return jnp.concatenate([transforms[:4], transforms[4:] + shift[:, None]])
 
     def turned(transforms: Array, turn: Array, before: Array, after: Array) -> Array:
         position = plus(after, quat.rotate(turn, transforms[4:] - before))
         return jnp.concatenate([quat.multiply(turn, transforms[:4]), position])
 
-    body = wall(moved, transforms, shift)
-    limbs = wall(
-        turned, transforms[:, limb], segments.turn[:, which], segments.before[:, which], segments.after[:, which]
-    )
-    return wall(lambda body, limbs: jnp.concatenate([body, limbs], 1)[:, back], body, limbs)
+    body = wall(moved, picked(transforms, trunk, wall), shift)
+    parts = (picked(part, which, wall) for part in (segments.turn, segments.before, segments.after))
+    return merged([body, wall(turned, picked(transforms, limb, wall), *parts)], [trunk, limb], wall)

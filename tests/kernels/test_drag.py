@@ -168,11 +168,11 @@ def test_rigid_gradients_of_the_mesh() -> None:
     """No scenario asks for them; they are there all the same, and right."""
     bones, mesh, at, _ = rigid_blob((2,), seed=6)
     water = fluid(0.05, OFFSET, batch=(2,))
-    corners, area, moments, bounds = mesh  # the area of padding is 0, where its drag has a kink
+    corners, area, moments, bounds, readings = mesh  # the area of padding is 0, where its drag has a kink
 
     def run(corners, moments, *at):
         with jax.enable_x64(True):
-            return rigid(bones, flag=True)((corners, jnp.asarray(area), moments, jnp.asarray(bounds)), *at)
+            return rigid(bones, flag=True)((corners, jnp.asarray(area), moments, jnp.asarray(bounds), jnp.asarray(readings)), *at)
 
     assert_gradients_agree(run, corners, moments, *at, *water, tolerance=1e-4)
 
