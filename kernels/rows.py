@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from kernels.wall import Wall
+from kernels.wall import Wall, apart
+
+MOST = 8  # pieces that XLA puts together in one loop; of more, it copies each by itself first
 
 
 def picked(x: Float[Array, "k rows *b"], numbers: np.ndarray, wall: Wall) -> Float[Array, "k picked *b"]:
@@ -47,13 +50,40 @@ def merged(parts: Sequence[Array], numbers: Sequence[np.ndarray], wall: Wall) ->
 
 def _laid(parts: Sequence[Array], part: np.ndarray, row: np.ndarray) -> Array:
     """Rows row[i] of parts[part[i]], one after the other."""
-    pieces = [jax.lax.slice_in_dim(parts[one], first, last, axis=1) for one, first, last in _runs(part, row)]
-    return jnp.concatenate(pieces, 1)
+    runs = list(_runs(part, row))
+    groups = [runs[first : first + MOST] for first in range(0, len(runs), MOST)]
+    if len(groups) == 1:
+        return _together(runs, *parts)
+    return jnp.concatenate([apart(functools.partial(_together, group), *parts) for group in groups], 1)
 
 
-def _runs(part: np.ndarray, row: np.ndarray) -> Iterator[tuple[int, int, int]]:
-    """(part, first row, end) of stretches of rows that follow each other."""
-    ends = np.flatnonzero((np.diff(part) != 0) | (np.diff(row) != 1)) + 1
-    for stretch in np.split(np.arange(len(row)), ends):
-        first, last = stretch[0], stretch[-1]
-        yield int(part[first]), int(row[first]), int(row[last]) + 1
+def _together(runs: Sequence[_Run], *parts: Array) -> Array:
+    return jnp.concatenate([run.of(parts[run.part]) for run in runs], 1)
+
+
+class _Run(NamedTuple):
+    """Rows of a part at a constant distance: neighbours (1), the same joint of every leg, or one row again (0)."""
+
+    part: int
+    first: int
+    step: int
+    count: int
+
+    def of(self, x: Array) -> Array:
+        if self.step:
+            last = self.first + self.step * (self.count - 1)
+            return jax.lax.slice_in_dim(x, self.first, last + 1, self.step, axis=1)
+        return jnp.broadcast_to(x[:, self.first : self.first + 1], (x.shape[0], self.count, *x.shape[2:]))
+
+
+def _runs(part: np.ndarray, row: np.ndarray) -> Iterator[_Run]:
+    at = 0
+    while at < len(row):
+        same = np.flatnonzero(part[at:] != part[at])
+        ahead = row[at : at + same[0]] if len(same) else row[at:]
+        steps = np.diff(ahead)
+        step = int(steps[0]) if len(steps) and (steps[0] in (0, 1) or (steps[:2] == steps[0]).sum() == 2) else 1
+        other = np.flatnonzero(steps != step)
+        count = (int(other[0]) if len(other) else len(steps)) + 1 if step >= 0 else 1
+        yield _Run(int(part[at]), int(row[at]), max(step, 0), count)
+        at += count

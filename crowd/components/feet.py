@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -107,7 +108,7 @@ def feet(
     if "clearance" in herd.responses:
         kept = clearance.kept(herd, character, state, goal.contact, goal.foot, state.gait.progress, wall)
         goal = goal._replace(contact=kept)
-    shift = wall(lambda *now: _down(_drop(assets, *now)), character, state, goal)
+    shift = wall(_down, wall(functools.partial(_short, assets), character, state, goal))
     knee, reached, missed = wall(lambda *now: _reached(assets, *now), state, goal, shift)
     segments = wall(_segments, goal, shift, knee, reached)
     ball = wall(lambda reached, goal: reached - goal.foot, reached, goal)
@@ -164,8 +165,10 @@ def moved(position: Array, shift: Array) -> Array:
     return position + shift[:, None]
 
 
-def _down(drop: Array) -> Array:
-    return jnp.stack([jnp.zeros_like(drop), -drop, jnp.zeros_like(drop)])
+def _down(drops: Array) -> Array:
+    """[3, n]: down by the most of [L, n]."""
+    most = functools.reduce(jnp.maximum, jnp.unstack(drops))
+    return jnp.stack([jnp.zeros_like(most), -most, jnp.zeros_like(most)])
 
 
 def _levelled(state: State, slope: Array) -> Array:
@@ -180,14 +183,14 @@ def _levelled(state: State, slope: Array) -> Array:
     return quat.multiply(quat.between(flat, up), unpitch)
 
 
-def _drop(assets: HerdAssets, character: Character, state: State, goal: _Goal) -> Array:
-    """[n] m by which the hips come down so that every leg reaches; legs in mid-swing do not ask for it."""
+def _short(assets: HerdAssets, character: Character, state: State, goal: _Goal) -> Array:
+    """[L, n] m by which the hips must come down so that a leg reaches; legs in mid-swing do not ask for it."""
     way = goal.contact + goal.foot - goal.hip
     length = jnp.sqrt(dot(goal.upper, goal.upper) + TINY) + jnp.sqrt(dot(goal.lower, goal.lower) + TINY)
     most = STRETCH * length
     vertical = jnp.sqrt(jnp.maximum(most * most - way[0] ** 2 - way[2] ** 2, (0.3 * length) ** 2))
     ends = jnp.abs(2.0 * state.gait.progress - 1.0)
-    need = (jnp.maximum(-way[1] - vertical, 0.0) * ends * ends).max(0)
+    need = jnp.maximum(-way[1] - vertical, 0.0) * ends * ends
     return jnp.minimum(need, MOST_DROP * assets.pivot_height * character.scale)
 
 
@@ -211,4 +214,4 @@ def _as_played(
     zero = jnp.zeros_like(since)
     still = jnp.zeros((4, 0, *state.phase.shape), contact.dtype)
     none = jnp.zeros((3, 0, *state.phase.shape), contact.dtype)
-    return Feet(Segments(still, none, none), _down(zero[0]), contact, transforms[4:][:, ankles], zero, contact, planted)
+    return Feet(Segments(still, none, none), _down(zero), contact, transforms[4:][:, ankles], zero, contact, planted)

@@ -253,9 +253,9 @@ def _closing(
     """[L, n] legs that take a closing step: standing, too far from rest, the farthest first, one at a time."""
     far = _off(state, rest) - control.close_distance * assets.pivot_height * character.scale
     farthest = far >= far.max(0) - 1e-6
-    first = jnp.cumsum(farthest, 0) == 1
+    first = jnp.stack([farthest[leg] & ~farthest[:leg].any(0) for leg in range(len(farthest))])
     still = (state.gait.progress >= 1.0).all(0)
-    return farthest & first & (far > 0) & ~walking & still & (state.fault == 0)
+    return first & (far > 0) & ~walking & still & (state.fault == 0)
 
 
 def _uncrossed(

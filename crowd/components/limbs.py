@@ -33,10 +33,11 @@ def bend(herd: HerdLayout, transforms: Array, segments: Segments, shift: Array, 
     def moved(transforms: Array, shift: Array) -> Array:
         return jnp.concatenate([transforms[:4], transforms[4:] + shift[:, None]])
 
-    def turned(transforms: Array, turn: Array, before: Array, after: Array) -> Array:
+    def turned(transforms: Array, segment: Array) -> Array:
+        turn, before, after = jnp.split(segment, (4, 7))
         position = plus(after, quat.rotate(turn, transforms[4:] - before))
         return jnp.concatenate([quat.multiply(turn, transforms[:4]), position])
 
     body = wall(moved, picked(transforms, trunk, wall), shift)
-    parts = (picked(part, which, wall) for part in (segments.turn, segments.before, segments.after))
-    return merged([body, wall(turned, picked(transforms, limb, wall), *parts)], [trunk, limb], wall)
+    each = picked(wall(lambda *parts: jnp.concatenate(parts), *segments), which, wall)
+    return merged([body, wall(turned, picked(transforms, limb, wall), each)], [trunk, limb], wall)
