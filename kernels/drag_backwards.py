@@ -36,8 +36,10 @@ CORNERS = tuple(slice(16 + 4 * corner, 20 + 4 * corner) for corner in range(3))
 
 
 def readings(corners: np.ndarray, area: np.ndarray) -> np.ndarray:
-    """[blocks, 28, size]: what `_numbers` are multiplied by in the flow through a triangle, in its square, in the depths
-    of its corners. corners [blocks, size, 3 corners, 3], area vectors [blocks, size, 3].
+    """[blocks, 28, size]: what `_numbers` are multiplied by in what a triangle takes from its bone.
+
+    That is the flow through it, the square of its speed and the depths of its corners. corners [blocks, size, 3
+    corners, 3], area vectors [blocks, size, 3], in the frame of the bone.
     """
     x, y, z = centre = np.moveaxis(corners.mean(2), 2, 0)
     one = np.ones_like(x)

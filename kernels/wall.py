@@ -28,7 +28,6 @@ from jax import Array
 from jax.experimental.xla_metadata import set_xla_metadata
 from jax.extend.core import ClosedJaxpr, Literal, Primitive, Var, jaxpr_as_fun
 from jax.interpreters import ad, batching, mlir
-from jax.interpreters import partial_eval as pe
 
 Flat = Callable[..., Sequence[Any]]  # a stage on arrays instead of trees
 

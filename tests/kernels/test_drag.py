@@ -172,7 +172,9 @@ def test_rigid_gradients_of_the_mesh() -> None:
 
     def run(corners, moments, *at):
         with jax.enable_x64(True):
-            return rigid(bones, flag=True)((corners, jnp.asarray(area), moments, jnp.asarray(bounds), jnp.asarray(readings)), *at)
+            return rigid(bones, flag=True)(
+                (corners, jnp.asarray(area), moments, jnp.asarray(bounds), jnp.asarray(readings)), *at
+            )
 
     assert_gradients_agree(run, corners, moments, *at, *water, tolerance=1e-4)
 

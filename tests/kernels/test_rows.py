@@ -26,7 +26,9 @@ def array(rows: int, batch: tuple[int, ...] = (5,)) -> jax.Array:
 def test_picked(numbers: list[int], batch: tuple[int, ...], wall: Wall) -> None:
     x, rows = array(6, batch), np.array(numbers)
     np.testing.assert_array_equal(picked(x, rows, wall), np.asarray(x)[:, rows])
-    check_grads(lambda x: jnp.sin(picked(jnp.asarray(x), rows, wall)), (x,), order=2, modes=("fwd", "rev"), atol=1e-2, rtol=1e-2)
+    check_grads(
+        lambda x: jnp.sin(picked(jnp.asarray(x), rows, wall)), (x,), order=2, modes=("fwd", "rev"), atol=1e-2, rtol=1e-2
+    )
 
 
 @pytest.mark.parametrize("parts", [[[0, 1, 2]], [[2, 0], [1]], [[4, 1], [0, 3, 5], [2]]])
