@@ -9,7 +9,9 @@ import jax
 # Loops over the characters of a tile are short: unrolled, they take a fifth more to compile and no less to run.
 # The tiled emitter writes each 16 numbers of a plain sum or product to the stack and back: such loops take three times
 # as long with it (2 ns for 16 numbers become 5), a gradient a fifteenth, and compiling a tenth.
-EXTRA = "--xla_backend_extra_options=xla_cpu_disable_loop_unrolling,xla_cpu_disable_tiled_emitter"
+# What processors estimate, they estimate otherwise one by one than many at once (1 / sqrt(x) has other last bits in a
+# vector), and whether a loop runs over vectors depends on its length: a character's bits would depend on its tile.
+EXTRA = ("xla_cpu_disable_loop_unrolling", "xla_cpu_disable_tiled_emitter", "xla_cpu_disable_platform_dependent_math")
 
 # Threads among which XLA splits the work of one kernel. The arrays of a tile are small: handing them over costs more
 # than it saves (2048 people on two free cores: 4.2 us per character-frame, 3.1 with one), and a core that waits for
@@ -31,4 +33,4 @@ def prepare() -> None:
     os.environ.setdefault("PJRT_NPROC", ONE_THREAD)
     flags = os.environ.get("XLA_FLAGS", "")
     if "xla_backend_extra_options" not in flags:
-        os.environ["XLA_FLAGS"] = f"{flags} {EXTRA}".strip()
+        os.environ["XLA_FLAGS"] = f"{flags} --xla_backend_extra_options={','.join(EXTRA)}".strip()

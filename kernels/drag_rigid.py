@@ -186,12 +186,15 @@ def _pulled(
         here = ride._replace(bone=apart(lambda x: x[bone], ride.bone))
         moved = apart(lambda x: x[bone], transforms)
         on, on_moved = backwards.pulled(submersion, mode, apart, own.mesh(mesh), here, moved, cotangent)
-        placed = (own.put(all_of, some) for all_of, some in ((total.bone, on.bone), (total.transforms, on_moved)))
-        return _Found(*placed, tuple(x + y for x, y in zip(total.numbers, on[1:], strict=True)))
+        return _Found(
+            own.put(total.bone, on.bone),
+            own.put(total.transforms, on_moved),
+            tuple(x + y for x, y in zip(total.numbers, on[1:], strict=True)),
+        )
 
     one = jnp.zeros_like(ride.scale)  # what all characters may have alike is added up for each at first
-    dry = (jnp.zeros((len(bones), *x.shape[1:]), x.dtype) for x in (ride.bone, transforms))
-    found = _over_wet(bones, apart, mesh, ride, group, _Found(*dry, (one, one, one)))
+    dry = [jnp.zeros((len(bones), *x.shape[1:]), x.dtype) for x in (ride.bone, transforms)]
+    found = _over_wet(bones, apart, mesh, ride, group, _Found(dry[0], dry[1], (one, one, one)))
     on_bone, on_transforms = (
         apart(functools.partial(_onto_joints, bones, len(x)), blocks)
         for x, blocks in ((ride.bone, found.bone), (transforms, found.transforms))
@@ -205,7 +208,7 @@ class _Found(NamedTuple):
 
     bone: Array  # [blocks, 10 or 11, *b]
     transforms: Array  # [blocks, 7, *b]
-    numbers: tuple[Array, Array, Array]  # [*b] each
+    numbers: tuple[Array, ...]  # scale, density and offset force, [*b] each
 
 
 def _onto_joints(bones: np.ndarray, joints: int, blocks: Array) -> Array:
