@@ -60,19 +60,22 @@ class Wall:
         closed, shapes = jax.make_jaxpr(lambda *leaves: stage(*tree.unflatten(leaves)), return_shape=True)(*leaves)
         operands = (*closed.consts, *leaves)  # the first: what the stage got from its surroundings, not by argument
         jaxpr, given = closed.jaxpr, dict(zip(_inputs(closed.jaxpr), operands, strict=True))
-        made = [k for k, v in enumerate(jaxpr.outvars) if isinstance(v, Literal) or v not in given]
-        read = {v for eqn in jaxpr.eqns for v in eqn.invars if not isinstance(v, Literal)}
+        # what is handed through is no result of a wall; behind a gate it is, as it becomes zero where that is closed
+        own = self.flag is not True
+        made = [k for k, v in enumerate(jaxpr.outvars) if own or isinstance(v, Literal) or v not in given]
+        ends = [jaxpr.outvars[k] for k in made]
+        read = {v for v in (*ends, *(v for eqn in jaxpr.eqns for v in eqn.invars)) if not isinstance(v, Literal)}
         used = [v for v in given if v in read]
 
         def flat(*operands: Any) -> Sequence[Any]:
-            own = dict(zip(used, operands, strict=True))
-            consts, arguments = ([own.get(v) for v in each] for each in (jaxpr.constvars, jaxpr.invars))
+            there = dict(zip(used, operands, strict=True))
+            consts, arguments = ([there.get(v) for v in each] for each in (jaxpr.constvars, jaxpr.invars))
             outs = jaxpr_as_fun(ClosedJaxpr(jaxpr, consts))(*arguments)
             return [outs[k] for k in made]
 
         reach = _reach(jaxpr, used)
         about = dict(shapes=tuple(closed.out_avals[k] for k in made), reach=tuple(reach[k] for k in made))
-        outs = wall_p.bind(self.flag, *(given[v] for v in used), stage=flat, gated=self.flag is not True, **about)
+        outs = wall_p.bind(self.flag, *(given[v] for v in used), stage=flat, gated=own, **about)
         found = dict(zip(made, outs, strict=True))
         every = (found[k] if k in found else given[v] for k, v in enumerate(jaxpr.outvars))
         return jax.tree.unflatten(jax.tree.structure(shapes), every)

@@ -66,6 +66,19 @@ def test_wet_part(case: str) -> None:
     assert_gradient_finite(drag.wet_share, *depth)
 
 
+@pytest.mark.parametrize("case", ["random", "deep and dry"])
+def test_slope_of_the_wet_share(case: str) -> None:
+    """In closed form, against the derivative of the share."""
+
+    def slopes(a, b, c):
+        return drag.wet_share_slope(a, b, c), drag.wet_share_slope(b, c, a), drag.wet_share_slope(c, a, b)
+
+    depth = DEPTHS[case]
+    expected = in_double(jax.grad(lambda *each: drag.wet_share(*each).sum(), (0, 1, 2)), *depth)
+    assert_close(np.stack(in_double(slopes, *depth)), np.stack(expected), 1e-9)
+    assert_close(np.stack(in_single(slopes, *depth)), np.stack(expected), 1e-4 * np.abs(expected).max() + 1e-6)
+
+
 # --- against the reference -------------------------------------------------------------------------------------------
 
 

@@ -168,3 +168,26 @@ def test_what_a_stage_calls_is_part_of_it() -> None:
 def test_closed_gate_gives_zeros() -> None:
     assert (stages(apart.gate(jnp.array(False)), X) == 0).all()
     assert stages(no_wall.gate(jnp.array(False)), X).any()
+
+
+def test_what_passes_by_stays_outside() -> None:
+    """Operands that no result needs do not go in, and what is handed through does not come out of it."""
+
+    def stage(kept: jax.Array, read: jax.Array, other: jax.Array) -> tuple[jax.Array, jax.Array]:
+        return kept, read * 2.0
+
+    operands = X, X + 1.0, X + 2.0
+    eqn = jax.make_jaxpr(lambda *each: apart(stage, *each))(*operands).eqns[0]
+    assert len(eqn.outvars) == 1
+    assert len(eqn.invars) == 2, "the flag and what is read"
+    kept, doubled = apart(stage, *operands)
+    np.testing.assert_array_equal(kept, X)
+    np.testing.assert_array_equal(doubled, 2.0 * (X + 1.0))
+    gradient = jax.grad(lambda *each: sum(part.sum() for part in apart(stage, *each)), (0, 1, 2))(*operands)
+    np.testing.assert_array_equal(np.stack(gradient), np.stack([np.ones_like(X), np.full_like(X, 2), np.zeros_like(X)]))
+
+
+def test_what_passes_a_closed_gate_is_zero() -> None:
+    kept, doubled = apart.gate(~OPEN)(lambda kept, read: (kept, read * 2.0), X, X)
+    np.testing.assert_array_equal(kept, np.zeros_like(X))
+    np.testing.assert_array_equal(doubled, np.zeros_like(X))
