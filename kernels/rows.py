@@ -26,9 +26,11 @@ def picked(x: Float[Array, "k rows *b"], numbers: np.ndarray, wall: Wall) -> Flo
     if wall.flag is None:
         return x[:, numbers]
 
+    rows, one = x.shape[1], (x.shape[0], 1, *x.shape[2:])
+
     def back(_: tuple[()], on: Array) -> Array:
-        none = jnp.zeros_like(on[:, :1])
-        of = ([on[:, i : i + 1] for i in np.flatnonzero(numbers == row)] for row in range(x.shape[1]))
+        none = jnp.zeros(one, on.dtype)
+        of = ([on[:, i : i + 1] for i in np.flatnonzero(numbers == row)] for row in range(rows))
         return jnp.concatenate([functools.reduce(jnp.add, each) if each else none for each in of], 1)
 
     return wall.linear(lambda _, x: _laid([x], np.zeros_like(numbers), numbers), back, (), x)
@@ -49,7 +51,9 @@ def merged(parts: Sequence[Array], numbers: Sequence[np.ndarray], wall: Wall) ->
 
 
 def _laid(parts: Sequence[Array], part: np.ndarray, row: np.ndarray) -> Array:
-    """Rows row[i] of parts[part[i]], one after the other."""
+    """Rows row[i] of parts[part[i]], one after the other; none of none."""
+    if not len(row):
+        return parts[0][:, :0]
     runs = list(_runs(part, row))
     groups = [runs[first : first + MOST] for first in range(0, len(runs), MOST)]
     if len(groups) == 1:
@@ -79,8 +83,8 @@ class _Run(NamedTuple):
 def _runs(part: np.ndarray, row: np.ndarray) -> Iterator[_Run]:
     at = 0
     while at < len(row):
-        same = np.flatnonzero(part[at:] != part[at])
-        ahead = row[at : at + same[0]] if len(same) else row[at:]
+        elsewhere = np.flatnonzero(part[at:] != part[at])
+        ahead = row[at : at + elsewhere[0]] if len(elsewhere) else row[at:]
         steps = np.diff(ahead)
         step = int(steps[0]) if len(steps) and (steps[0] in (0, 1) or (steps[:2] == steps[0]).sum() == 2) else 1
         other = np.flatnonzero(steps != step)

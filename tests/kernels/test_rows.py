@@ -22,18 +22,18 @@ def array(rows: int, batch: tuple[int, ...] = (5,)) -> jax.Array:
 
 
 @pytest.mark.parametrize("batch", [(), (5,), (2, 3)])
-@pytest.mark.parametrize("numbers", [[0], [3], [0, 1, 2, 3, 4, 5], [5, 4, 3], [1, 2, 4, 4, 4, 0, 1], [2, 2]])
+@pytest.mark.parametrize("numbers", [[], [0], [3], [0, 1, 2, 3, 4, 5], [5, 4, 3], [1, 2, 4, 4, 4, 0, 1], [2, 2]])
 def test_picked(numbers: list[int], batch: tuple[int, ...], wall: Wall) -> None:
-    x, rows = array(6, batch), np.array(numbers)
+    x, rows = array(6, batch), np.array(numbers, int)
     np.testing.assert_array_equal(picked(x, rows, wall), np.asarray(x)[:, rows])
     check_grads(
         lambda x: jnp.sin(picked(jnp.asarray(x), rows, wall)), (x,), order=2, modes=("fwd", "rev"), atol=1e-2, rtol=1e-2
     )
 
 
-@pytest.mark.parametrize("parts", [[[0, 1, 2]], [[2, 0], [1]], [[4, 1], [0, 3, 5], [2]]])
+@pytest.mark.parametrize("parts", [[[0, 1, 2]], [[], [1, 0]], [[2, 0], [1]], [[4, 1], [0, 3, 5], [2]]])
 def test_merged(parts: list[list[int]], wall: Wall) -> None:
-    numbers = [np.array(part) for part in parts]
+    numbers = [np.array(part, int) for part in parts]
     whole = array(sum(map(len, parts)))
     split = [whole[:, part] for part in numbers]
     np.testing.assert_array_equal(merged(split, numbers, wall), whole)
