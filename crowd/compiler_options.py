@@ -7,8 +7,8 @@ import os
 import jax
 
 # Loops over the characters of a tile are short: unrolled, they take a fifth more to compile and no less to run.
-# The tiled emitter writes each 16 numbers of a plain sum or product to the stack and back: such loops take three times
-# as long with it (2 ns for 16 numbers become 5), a gradient a fifteenth, and compiling a tenth.
+# The tiled emitter writes each 16 numbers of a plain sum or product to the stack and back: such loops take five times
+# as long with it (1 ns for 16 numbers becomes 5), gradients a fifteenth longer, and compiling a tenth.
 # What processors estimate, they estimate otherwise one by one than many at once (1 / sqrt(x) has other last bits in a
 # vector), and whether a loop runs over vectors depends on its length: a character's bits would depend on its tile.
 EXTRA = ("xla_cpu_disable_loop_unrolling", "xla_cpu_disable_tiled_emitter", "xla_cpu_disable_platform_dependent_math")
