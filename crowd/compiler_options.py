@@ -13,10 +13,25 @@ import jax
 # vector), and whether a loop runs over vectors depends on its length: a character's bits would depend on its tile.
 EXTRA = ("xla_cpu_disable_loop_unrolling", "xla_cpu_disable_tiled_emitter", "xla_cpu_disable_platform_dependent_math")
 
+# Of LLVM, in the same list: one vector a turn. With four, a loop over the 64 characters of a narrow tile has one turn
+# and is a loop no longer: a product that it stores then meets the sum that the next loop makes of it, the two are
+# rounded once, and a character's bits depend on its tile. Takes a seventh off compiling, and nothing off the speed.
+ONE_VECTOR = "-force-vector-interleave=1"
+
+# XLA runs a program kernel by kernel, and starting one costs as much as 128 characters' arithmetic in it. A loop that
+# it thinks small becomes one function instead, with all that the loop calls: so every loop is small here, the one over
+# tiles with it. What has no place in such a function keeps its loop out of it: matrix products, scatters, sorts,
+# custom calls. `tests/crowd/test_one_function.py` holds the steps to that.
+ONE_FUNCTION = f"xla_cpu_small_while_loop_byte_threshold={2**62}"
+
 # Threads among which XLA splits the work of one kernel. The arrays of a tile are small: handing them over costs more
 # than it saves (2048 people on two free cores: 4.2 us per character-frame, 3.1 with one), and a core that waits for
 # work cannot write recordings. Devices run beside each other all the same, and so do the compiler's threads.
 ONE_THREAD = "1"
+
+# Passes that would put into a loop what has no place in a function: kernels split among threads (with several devices
+# there are as many threads, whatever `ONE_THREAD` says), and reductions that are handed to a library.
+WITHOUT = ("cpu-parallel-task-assigner", "dot-library-rewriter")
 
 
 def options() -> dict[str, int]:
@@ -29,8 +44,15 @@ def options() -> dict[str, int]:
 
 
 def prepare() -> None:
-    """Options of the whole process, which XLA reads once: call before JAX's first array. Leaves alone what is set."""
+    """Options of the whole process, which XLA reads once: call before JAX's first array. Leaves alone what is set.
+
+    With passes of the caller's own choice left out, loops stay loops: XLA would not find a split kernel's runtime.
+    """
     os.environ.setdefault("PJRT_NPROC", ONE_THREAD)
     flags = os.environ.get("XLA_FLAGS", "")
+    extra = (*EXTRA, ONE_VECTOR)
+    if "xla_disable_hlo_passes" not in flags:
+        flags, extra = f"{flags} --xla_disable_hlo_passes={','.join(WITHOUT)}", (*extra, ONE_FUNCTION)
     if "xla_backend_extra_options" not in flags:
-        os.environ["XLA_FLAGS"] = f"{flags} --xla_backend_extra_options={','.join(EXTRA)}".strip()
+        flags = f"{flags} --xla_backend_extra_options={','.join(extra)}"
+    os.environ["XLA_FLAGS"] = flags.strip()

@@ -77,11 +77,13 @@ def one_frame(
     states: tuple[Any, ...],
     waves: Waves | None = None,
     remember: bool = False,
+    last: tuple[Frame, ...] | None = None,
 ) -> Any:
     """All herds one frame on: a map over each herd's tiles, then their water surface. Returns (states, frames).
 
     Of herds that are stepped every frame. remember: a backward pass keeps little of each tile, see `step.remembered`;
-    of all tiles together it would first put every array of a frame into memory.
+    of all tiles together it would first put every array of a frame into memory. last: frames of which nothing is asked
+    any more; the new ones take their place, which has no derivative.
     """
     wall = apart if layout.walls else no_wall
     felt = None if waves is None else water_surface.felt(layout, assets, params, states[-1], waves, wall)
@@ -93,7 +95,18 @@ def one_frame(
 
         pairs = (params.characters[which], states[which])
         one = remembered(tile) if remember else tile
-        return jax.lax.map(one, pairs) if layout.walls else jax.vmap(one)(pairs)
+        if not layout.walls:
+            return jax.vmap(one)(pairs)
+        if last is None:
+            return jax.lax.map(one, pairs)
+
+        def turn(number: Array | int, now: tuple[State, Frame]) -> tuple[State, Frame]:
+            return _put(now, number, tile((_at(params.characters[which], number), _at(now[0], number))))
+
+        # The compiler is not to know how many turns: a loop of one it takes away, and then runs kernel by kernel what
+        # is one function in a loop (see `compiler_options`), with other last bits.
+        turns = jnp.where(states[which].frame[0, 0] < 0, 0, len(states[which].phase))
+        return jax.lax.fori_loop(0, turns, turn, (states[which], last[which]))
 
     results = [herd(which) for which in range(len(layout.herds))]
     stepped, frames = tuple(state for state, _ in results), tuple(frame for _, frame in results)
@@ -165,12 +178,20 @@ def _herd_on(
 
     def turn(states: State, number: Array) -> tuple[State, Any]:
         """In place: states that a map returned would be filled with zeros first, in pages that are new each time."""
-        own = jax.tree.map(lambda x: jax.lax.dynamic_index_in_dim(x, number, keepdims=False), (characters, states))
-        state, shown = tile(own)
-        put = functools.partial(jax.lax.dynamic_update_index_in_dim, index=number, axis=0)
-        return jax.tree.map(put, states, state), shown
+        state, shown = tile(_at((characters, states), number))
+        return _put(states, number, state), shown
 
     return jax.lax.scan(turn, states, jnp.arange(len(states.phase)))
+
+
+def _at(tiles: Any, number: Array | int) -> Any:
+    """What belongs to one tile."""
+    return jax.tree.map(lambda x: jax.lax.dynamic_index_in_dim(x, number, keepdims=False), tiles)
+
+
+def _put(tiles: Any, number: Array | int, one: Any) -> Any:
+    """The tiles with one of them replaced, in place where nothing else asks for them."""
+    return jax.tree.map(functools.partial(jax.lax.dynamic_update_index_in_dim, index=number, axis=0), tiles, one)
 
 
 def _turns_on(
@@ -194,7 +215,7 @@ def _together_on(
     waves = water_surface.prepared(layout, assets, params)
 
     def advance(now: Any) -> Any:
-        return one_frame(layout, assets, params, now[0], waves)
+        return one_frame(layout, assets, params, now[0], waves, last=now[1])
 
     def show(now: Any) -> Any:
         states, frames = now

@@ -36,6 +36,11 @@ def picked(x: Float[Array, "k rows *b"], numbers: np.ndarray, wall: Wall) -> Flo
     return wall.linear(lambda _, x: _laid([x], np.zeros_like(numbers), numbers), back, (), x)
 
 
+def taken(x: Float[Array, "k rows *b"], numbers: np.ndarray) -> Float[Array, "k taken *b"]:
+    """x[:, numbers] within a stage."""
+    return _together(list(_runs(np.zeros_like(numbers), numbers)), x) if len(numbers) else x[:, :0]
+
+
 def merged(parts: Sequence[Array], numbers: Sequence[np.ndarray], wall: Wall) -> Float[Array, "k rows *b"]:
     """The array of which part i [k, some, *b] holds the rows numbers[i]: each row once."""
     back = np.argsort(np.concatenate(numbers))

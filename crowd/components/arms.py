@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -16,6 +17,7 @@ from crowd.layout import HerdLayout
 from crowd.params import Character, Params
 from crowd.state import State
 from kernels import arm_limits, controllers, ik, quat
+from kernels.rows import picked
 from kernels.vec import TINY, dot, plus, smoothstep, unit
 from kernels.wall import Wall
 
@@ -58,14 +60,15 @@ def arms(
     With `responses.arms` it fades in and out with play and a time constant, and the hand goes no further than shoulder
     and elbow let it (`kernels.arm_limits`).
     """
-    now = (character, hung.transforms, shift, surface)
-    below = wall(lambda *now: _below(herd, assets, params, *now), *now)
+    joints = picked(hung.transforms[4:], np.array([*herd.shoulders, *herd.elbows, *herd.hands]), wall)
+    now = (character, joints, shift, surface)
+    below = wall(functools.partial(_below, assets, params), *now)
     if "arms" not in herd.responses:
         raised = wall(lambda c, below: _response(below, assets.arm_length * c.scale), character, below)
     else:
         raised = wall(lambda c, s, below: _raised(dt, assets, c, s, below), character, state, below)
         state = dataclasses.replace(state, responded=dataclasses.replace(state.responded, raised=raised))
-    goal = wall(lambda raised, s, *now: _goal(herd, assets, params, raised, s, *now), raised, state, *now)
+    goal = wall(functools.partial(_goal, assets, params), raised, state, *now)
     if "arms" in herd.responses:
         goal = wall(lambda c, g, facing: _within(assets, c, g, facing), character, goal, hung.orientation)
     bent = wall(_bent, goal)
@@ -74,17 +77,14 @@ def arms(
 
 
 def _below(
-    herd: HerdLayout,
-    assets: HerdAssets,
-    params: Params,
-    character: Character,
-    transforms: Array,
-    shift: Array,
-    surface: Array,
+    assets: HerdAssets, params: Params, character: Character, joints: Array, shift: Array, surface: Array
 ) -> Array:
-    """[A, n] m: how far the lower of elbow and hand is below where it is wanted."""
-    height = moved(transforms[4:], shift)[1]
-    lowest = jnp.minimum(*(height[np.array(joints)] for joints in (herd.elbows, herd.hands)))
+    """[A, n] m: how far the lower of elbow and hand is below where it is wanted.
+
+    joints [3, 3 A, n]: shoulders, elbows and hands as the clip has them.
+    """
+    _, elbow, hand = jnp.split(moved(joints, shift)[1], 3)
+    lowest = jnp.minimum(elbow, hand)
     return _level(assets, params, character, surface) - lowest
 
 
@@ -108,19 +108,17 @@ def _response(below: Array, size: Array) -> Array:
 
 
 def _goal(
-    herd: HerdLayout,
     assets: HerdAssets,
     params: Params,
     response: Array,
     state: State,
     character: Character,
-    transforms: Array,
+    joints: Array,
     shift: Array,
     surface: Array,
 ) -> _Goal:
     """What each arm is to do; response [A, n]: how far it is raised."""
-    position = moved(transforms[4:], shift)
-    shoulder, elbow, hand = (position[:, np.array(j)] for j in (herd.shoulders, herd.elbows, herd.hands))
+    shoulder, elbow, hand = jnp.split(moved(joints, shift), 3, 1)
     size = assets.arm_length * character.scale
     short = _level(assets, params, character, surface) - hand[1]
     rise = 0.5 * (short + jnp.sqrt(short * short + (0.1 * size) ** 2))

@@ -12,6 +12,7 @@ from crowd.params import Character
 from crowd.state import State, Strides
 from kernels import leg_clearance
 from kernels.footprint import Footprint, about
+from kernels.rows import taken
 from kernels.trig import sin_cos
 from kernels.vec import TINY
 from kernels.wall import Wall
@@ -30,9 +31,9 @@ def uncrossed(
     place, sole = _standing(state, blend)
     sin, cos = sin_cos(yaw)
     gap = jnp.stack([_gap(herd, character, i, p) for i, p in enumerate(herd.partners)])
-    other = (place + 0.5 * sole)[:, partner]
+    other = taken(place + 0.5 * sole, partner)
     moved = leg_clearance.beside(heel[::2] + half, other, jnp.stack([cos, -sin]), _sides(herd), gap) - half
-    return heel.at[::2].set(moved)
+    return jnp.stack([moved[0], heel[1], moved[1]])
 
 
 def apart(
@@ -45,11 +46,11 @@ def apart(
         place, sole = _standing(state, blend)
         start = ahead.position[::2]
         end = start + _level(ahead.foot, ahead.yaw)
-        return start[:, one], end[:, one], place[:, other], (place + sole)[:, other]
+        return taken(start, one), taken(end, one), taken(place, other), taken(place + sole, other)
 
     ends = wall(pairs, state, blend, ahead)
     way = wall(lambda *now: _ways(herd, *now), character, state, *ends)
-    moved = wall(lambda place, way: place.at[::2].add(_summed(herd, way)), ahead.position, way)
+    moved = wall(lambda place, way: _shifted(place, _summed(herd, way)), ahead.position, way)
     return ahead._replace(position=moved)
 
 
@@ -70,10 +71,10 @@ def kept(
 
     def pairs(heel: Array, sole: Array) -> tuple[Array, ...]:
         start, end = heel[::2], (heel + sole)[::2]
-        return start[:, one], end[:, one], start[:, other], end[:, other]
+        return taken(start, one), taken(end, one), taken(start, other), taken(end, other)
 
     def together(heel: Array, flight: Array, way: Array) -> Array:
-        return heel.at[::2].add(_summed(herd, way) * (1.0 - (2.0 * flight - 1.0) ** 4))
+        return _shifted(heel, _summed(herd, way) * (1.0 - (2.0 * flight - 1.0) ** 4))
 
     ends = wall(pairs, heel, sole)
     way = wall(lambda *now: _ways(herd, *now), character, state, *ends)
@@ -91,6 +92,11 @@ def _ways(herd: HerdLayout, character: Character, state: State, *ends: Array) ->
     x, z = 0.5 * (start + end - other_start - other_end) + OWN_SIDE * response.gap * own_side
     out = jnp.stack([x, z]) / jnp.sqrt(x * x + z * z + TINY)
     return leg_clearance.given_way(leg_clearance.between(*ends), out, response.gap)
+
+
+def _shifted(place: Array, way: Array) -> Array:
+    """Places [3, L, n] moved along the level by [2, L, n]."""
+    return jnp.stack([place[0] + way[0], place[1], place[2] + way[1]])
 
 
 def _summed(herd: HerdLayout, way: Array) -> Array:

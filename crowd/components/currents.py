@@ -54,7 +54,7 @@ def field(
 
     position: [3, n] of the characters in the world; points: [3, p, n] about it.
     """
-    place = position[jnp.array([0, 2])]
+    place = position[::2]
     still = here.still - position[1]
     level, flow = jnp.broadcast_to(still, points.shape[1:]), jnp.zeros_like(points)
     if fluids.trains is not None:

@@ -17,6 +17,7 @@ from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, Params
 from crowd.state import State
 from kernels import ik, quat
+from kernels.rows import picked
 from kernels.trig import sin_cos
 from kernels.vec import TINY, dot, unit
 from kernels.wall import Wall
@@ -97,14 +98,16 @@ def feet(
     del params
     herd, transforms = layout.herds[which], hung.transforms
     if layout.gait == "clip":
-        return wall(lambda *now: _as_played(herd, assets, *now), character, state, blend, transforms)
+        joints = picked(transforms, np.array([*herd.ankles, *herd.balls]), wall)
+        return wall(functools.partial(_as_played, assets), character, state, blend, joints)
     ground = wall(lambda s: sense.ground(layout, world, s.gait.handle, s.position[1]), state)
     lift = wall(lambda c, s, b: _swing_height(herd, assets, c, s, b), character, state, blend)
     if layout.regions and "high_step" in herd.responses:
         flight = state.gait.progress
         lift = wall(lambda *now: high_step.raised(*now), character, depth, jnp.zeros_like(lift), lift, flight)
     level = wall(_levelled, state, ground[1])
-    goal = wall(lambda *now: _goal(herd, assets, *now), character, state, transforms, ground[0], lift, level)
+    joints = picked(transforms, np.array([*herd.hips, *herd.knees, *herd.ankles, *herd.balls]), wall)
+    goal = wall(functools.partial(_goal, assets), character, state, joints, ground[0], lift, level)
     if "clearance" in herd.responses:
         kept = clearance.kept(herd, character, state, goal.contact, goal.foot, state.gait.progress, wall)
         goal = goal._replace(contact=kept)
@@ -116,21 +119,13 @@ def feet(
 
 
 def _goal(
-    herd: HerdLayout,
-    assets: HerdAssets,
-    character: Character,
-    state: State,
-    transforms: Array,
-    height: Array,
-    lift: Array,
-    level: Array,
+    assets: HerdAssets, character: Character, state: State, joints: Array, height: Array, lift: Array, level: Array
 ) -> _Goal:
-    """height: ground [L, n] under the handles, in the world; lift: height of the contact points above it."""
-    position = transforms[4:]
-    hips, knees, ankles = (position[:, np.array(j)] for j in (herd.hips, herd.knees, herd.ankles))
-    balls = np.array(herd.balls)
-    contact = position[:, balls] + quat.rotate(transforms[:4][:, balls], assets.ball_offset * character.scale)
-    place = state.gait.handle - state.position[np.array([0, 2])][:, None]
+    """joints: transforms of the legs' hips, knees, ankles and balls, one after the other; height: ground [L, n] under
+    the handles, in the world; lift: height of the contact points above it."""
+    hips, knees, ankles, _ = jnp.split(joints[4:], 4, 1)
+    contact = _contact(assets, character, joints[:, -height.shape[0] :])
+    place = state.gait.handle - state.position[::2][:, None]
     goal = jnp.stack([place[0], height - state.position[1] + lift, place[1]])
     return _Goal(hips, knees - hips, ankles - knees, goal, quat.rotate(level, ankles - contact), level)
 
@@ -202,16 +197,22 @@ def _pole(assets: HerdAssets, state: State, upper: Array, leg: Array, length: Ar
     return off + BEND_SHARE * length * usual
 
 
-def _as_played(
-    herd: HerdLayout, assets: HerdAssets, character: Character, state: State, blend: Mix, transforms: Array
-) -> Feet:
-    """Legs as the clip has them; contact follows from its phase. They skate when the speed is not the clip's."""
-    balls, ankles = np.array(herd.balls), np.array(herd.ankles)
-    contact = transforms[4:][:, balls] + quat.rotate(transforms[:4][:, balls], assets.ball_offset * character.scale)
+def _contact(assets: HerdAssets, character: Character, balls: Array) -> Array:
+    """[3, L, n] contact points of feet with these transforms of the balls."""
+    return balls[4:] + quat.rotate(balls[:4], assets.ball_offset * character.scale)
+
+
+def _as_played(assets: HerdAssets, character: Character, state: State, blend: Mix, joints: Array) -> Feet:
+    """Legs as the clip has them; contact follows from its phase. They skate when the speed is not the clip's.
+
+    joints: transforms of the legs' ankles, then of the balls.
+    """
+    ankles, balls = jnp.split(joints, 2, 1)
+    contact = _contact(assets, character, balls)
     since = state.phase - blend.lift
     since = since - jnp.floor(since)
     planted = (since >= 1.0 - blend.duty) | (state.gait.idle > 0.5)
     zero = jnp.zeros_like(since)
     still = jnp.zeros((4, 0, *state.phase.shape), contact.dtype)
     none = jnp.zeros((3, 0, *state.phase.shape), contact.dtype)
-    return Feet(Segments(still, none, none), _down(zero), contact, transforms[4:][:, ankles], zero, contact, planted)
+    return Feet(Segments(still, none, none), _down(zero), contact, ankles[4:], zero, contact, planted)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from crowd.assets import HerdAssets, World
@@ -15,6 +16,7 @@ from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, Control, Params
 from crowd.state import State
 from kernels import clips, controllers, leg_clearance, stepping
+from kernels.rows import taken
 from kernels.trig import sin_cos
 from kernels.vec import TINY, smoothstep
 from kernels.wall import Wall
@@ -214,7 +216,7 @@ def _aimed(
     swing: _Swing,
 ) -> Array:
     """[2, L, n] targets: aimed at where the foot will be wanted, without crossing the other foot."""
-    root = state.position[jnp.array([0, 2])]
+    root = state.position[::2]
     stride = pace.stride * jnp.where(pace.walking, 1.0, 0.0)
     aim = stepping.landing(root[:, None], rest, stride[:, None], swing.after, blend.duty)
     return jnp.where(swing.aims, _uncrossed(herd, control, assets, character, state, aim), state.gait.target)
@@ -234,7 +236,7 @@ def _standing_rest(assets: HerdAssets, character: Character, state: State, blend
 
 def _off(state: State, rest: Array) -> Array:
     """[L, n] m, how far each handle is from its rest place."""
-    off = state.gait.handle - state.position[jnp.array([0, 2])][:, None] - rest
+    off = state.gait.handle - state.position[::2][:, None] - rest
     return jnp.sqrt(off[0] ** 2 + off[1] ** 2 + TINY)
 
 
@@ -262,12 +264,12 @@ def _uncrossed(
     herd: HerdLayout, control: Control, assets: HerdAssets, character: Character, state: State, aim: Array
 ) -> Array:
     """Targets that do not pass the partner's foot: a lateral gap in the character's own axes is kept."""
-    partner = jnp.array(herd.partners)
+    partner = np.array(herd.partners)
     side = jnp.array([s if p != i else 0 for i, (s, p) in enumerate(zip(herd.sides, herd.partners, strict=True))])
     side = side.reshape(-1, 1).astype(aim.dtype)
     sin, cos = sin_cos(state.yaw)
     left = jnp.stack([cos, -sin])
-    other = state.gait.handle[:, partner]
+    other = taken(state.gait.handle, partner)
     gap = control.foot_gap * jnp.abs(assets.idle_rest[0] - assets.idle_rest[0, partner]) * character.scale
     return leg_clearance.beside(aim, other, left[:, None], side, gap)
 

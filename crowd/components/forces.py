@@ -31,7 +31,7 @@ class Wrench(NamedTuple):
 def drag(layout: Layout, params: Params, character: Character, state: State, place: Surroundings) -> Wrench:
     """Fluid drag on the mesh as of the frame before (Eq. 6 and 7), with its slope for the semi-implicit step."""
     del layout, params, character, place
-    return Wrench(state.force[jnp.array([0, 2])], state.torque, state.drag_slope[0], state.drag_slope[1:])
+    return Wrench(state.force[::2], state.torque, state.drag_slope[0], state.drag_slope[1:])
 
 
 def impulse(layout: Layout, params: Params, character: Character, state: State, place: Surroundings) -> Wrench:

@@ -30,7 +30,7 @@ def towards_waypoint(herd: HerdLayout, assets: HerdAssets, character: Character,
     active = state.waypoint >= 0
     index = jnp.clip(state.waypoint, 0, herd.waypoints - 1)
     goal = assets.waypoints[:, index, 0] + character.offset
-    way = goal - state.position[jnp.array([0, 2])]
+    way = goal - state.position[::2]
     distance = jnp.sqrt(way[0] ** 2 + way[1] ** 2 + TINY)
     near = active & (distance < ARRIVAL)
     following = index + 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from crowd.assets import HerdAssets
@@ -12,6 +13,7 @@ from crowd.layout import HerdLayout
 from crowd.params import Character
 from crowd.state import State
 from kernels import clips, quat
+from kernels.rows import merged, taken
 from kernels.skeleton import forward_kinematics
 from kernels.vec import plus
 from kernels.wall import Wall
@@ -40,10 +42,6 @@ def pose(herd: HerdLayout, assets: HerdAssets, character: Character, state: Stat
     rotation = clips.blend(assets.rotation_table, poses.column, poses.share, wall)
     translation = clips.blend(assets.translation_table, poses.column, poses.share, wall)
 
-    def offsets(translation: Array, rest: Array, scale: Array) -> Array:
-        full = jnp.broadcast_to(rest, (3, herd.joints, scale.shape[-1]))
-        return full.at[:, jnp.array(herd.moving, int)].set(translation) * scale
-
     def standing(yaw: Array, up: tuple[Array, Array] | None) -> tuple[Array, Array]:
         if up is None:
             turn = quat.about_y(yaw)
@@ -56,7 +54,11 @@ def pose(herd: HerdLayout, assets: HerdAssets, character: Character, state: Stat
         pivot = strides.pivot * scale if strides else jnp.stack([0 * scale, assets.pivot_height * scale, 0 * scale])
         return plus(quat.rotate(legs, pivot), quat.rotate(turn, -pivot))
 
-    offset = wall(offsets, translation, assets.rest_translation, character.scale)
+    moving = np.array(herd.moving, int)
+    still = np.setdiff1d(np.arange(herd.joints), moving)
+    moved = wall(lambda translation, scale: translation * scale, translation, character.scale)
+    resting = wall(lambda rest, scale: taken(rest, still) * scale, assets.rest_translation, character.scale)
+    offset = merged([moved, resting], [moving, still], wall)
     legs, body = wall(standing, state.yaw, poses.up)
     orientation = wall(lambda body, pitch: quat.multiply(body, quat.about_x(pitch)), body, state.pitch)
     position = wall(place, legs, orientation, character.scale)

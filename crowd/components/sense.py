@@ -158,7 +158,7 @@ def sense(
     The slope is that of the ground within `reach` [n] m of it, along and across its yaw [n]: feet stand about there,
     and the pebble below the body's middle carries nothing.
     """
-    place = position[jnp.array([0, 2])]
+    place = position[::2]
     level = height(layout, world, place, position[1])
     slope = slope_about(layout, world, place, level, position[1], yaw, reach)
     found = fluid(layout, fluids, place)

@@ -20,6 +20,7 @@ from crowd.params import Character, Fluids
 from crowd.state import FAULT_DRAG, State
 from kernels import drag, drag_rigid, drag_skinned, quat, skinning
 from kernels.drag import Fluid
+from kernels.rows import picked
 from kernels.trig import sin_cos
 from kernels.vec import cross
 from kernels.wall import Wall
@@ -89,7 +90,7 @@ def fluid_drag(
     if place.densities:
         surfaces = tuple(each.surface for each in (fluid, *under))
         weight = buoyancy.apparent_weight(layout, herd, assets, character, place, surfaces, moved, wall)
-    hips = transforms[4:][:, np.array(herd.hips)]
+    hips = picked(transforms[4:], np.array(herd.hips), wall)
     force, arm, slope, center, fault = wall(_applied, state, total, hips)
     torque, yaw_pitch, slopes = wall(_torques, state.yaw, force, arm, slope)
     state = dataclasses.replace(state, force=force, torque=yaw_pitch, drag_slope=slopes, fault=fault)
