@@ -1,9 +1,11 @@
 """Where the time of a frame goes: the whole program under JAX's profiler, summed by the stage of the step.
 
-Nothing is taken out of the program: every instruction of the compiled text carries the path of named scopes it came
-from, and the profiler times every instruction as it runs. An instruction's own time is its duration less that of the
-instructions inside it (loops and walls contain others), so own times add up to the whole. The profiler slows the
-program down, most where instructions are many and short; so only shares are returned, and they are approximate.
+Every instruction of the compiled text carries the path of named scopes it came from, and the profiler times every
+instruction as it runs. An instruction's own time is its duration less that of the instructions inside it (loops and
+walls contain others), so own times add up to the whole. On a CPU all instructions of a loop are one function, in which
+the profiler sees nothing; the program is compiled anew for it, with a kernel for each. That, and the profiler itself,
+slow the program down, most where instructions are many and short; so only shares are returned, and they are
+approximate.
 """
 
 from __future__ import annotations
@@ -67,15 +69,18 @@ def own_times(events: Iterable[Event], stages: Mapping[str, str]) -> dict[str, f
     return total
 
 
-def shares(executable: Any, assets: Any, params: Any, states: Any, frames: int) -> tuple[dict[str, float], float]:
+def shares(lowered: Any, assets: Any, params: Any, states: Any, frames: int) -> tuple[dict[str, float], float]:
     """Share of every stage in the time of `frames` frames, adding up to 1, and how many instructions of a stage (on a
     GPU: kernels) run in a frame; empty and 0 where the profiler shows nothing.
 
-    executable: the compiled `crowd.simulate.rollout`, whose remaining arguments follow. The states are donated.
+    lowered: `crowd.simulate.rollout`, whose remaining arguments follow. The states are donated.
     """
     import jax
     import jax.numpy as jnp
 
+    from crowd.compiler_options import options
+
+    executable = lowered.compile(compiler_options=options(one_function=False))
     stages = instruction_stages(executable.as_text())
     count = jnp.asarray(frames, jnp.int32)
     options = jax.profiler.ProfileOptions()

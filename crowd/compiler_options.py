@@ -32,15 +32,20 @@ ONE_THREAD = "1"
 # Passes that would put into a loop what has no place in a function: kernels split among threads (with several devices
 # there are as many threads, whatever `ONE_THREAD` says), and reductions that are handed to a library.
 WITHOUT = ("cpu-parallel-task-assigner", "dot-library-rewriter")
+HOISTING = "small-while-loop-hoisting"
 
 
-def options() -> dict[str, int]:
+def options(one_function: bool = True) -> dict[str, int | str]:
     """XLA's options on this backend, for `jax.jit(..., compiler_options=options())`.
 
-    Vectors of 512 bits: XLA asks for 256 where a processor has wider ones (a frame of 2048 people takes a tenth less
-    on an Intel Xeon); processors without them ignore it.
+    Vectors of 512 bits: XLA asks for 256 where a processor has wider ones (a frame of 2048 people takes a third less
+    on an AMD EPYC of family 26); processors without them ignore it. one_function: otherwise loops run kernel by kernel,
+    as a profiler wants them.
     """
-    return {"xla_cpu_prefer_vector_width": 512} if jax.default_backend() == "cpu" else {}
+    if jax.default_backend() != "cpu":
+        return {}
+    chosen: dict[str, int | str] = {"xla_cpu_prefer_vector_width": 512}
+    return chosen if one_function else chosen | {"xla_disable_hlo_passes": ",".join((*WITHOUT, HOISTING))}
 
 
 def prepare() -> None:
