@@ -65,8 +65,8 @@ def stepped(program: Any, frames: int) -> Callable[[], Any]:
     """Compiles `frames` frames in one scan; calling steps from the start on and returns the states."""
     import jax
 
+    from crowd.advance import one_frame
     from crowd.compiler_options import options
-    from crowd.simulate import one_frame
 
     layout, assets, params, states = program
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import jax
 
+from crowd.advance import one_frame
 from crowd.assets import Assets
 from crowd.build import build
 from crowd.errors import fail
 from crowd.layout import Layout
 from crowd.params import Params
 from crowd.scene import Scene
-from crowd.simulate import one_frame
 from crowd.tree import pytree
 
 Read = Callable[[tuple[Any, ...], tuple[Any, ...]], Any]

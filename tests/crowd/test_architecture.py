@@ -59,6 +59,7 @@ ROOMS: list[tuple[str, ...]] = [
     ("crowd.components",),
     ("crowd.step",),
     ("crowd.unpack", "crowd.pace"),
+    ("crowd.advance",),
     (
         "crowd.simulate",
         "crowd.live",

@@ -22,8 +22,8 @@ from benchmarks.figures import figures
 from benchmarks.peaks import measure
 from benchmarks.run import main
 from benchmarks.sizes import sizes_of
+from crowd.advance import one_frame
 from crowd.build import build
-from crowd.simulate import one_frame
 from tests.crowd.operations import operations
 
 MACHINE = {"cpu": "Abacus 3", "cores": 2, "jax": "0.10.2"}

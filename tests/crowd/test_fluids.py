@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from crowd import fluid_build, scene, simulate
+from crowd import advance, fluid_build, scene
 from crowd.build import build
 from crowd.errors import InputError
 from crowd.scenario_fluid import Spectrum
@@ -271,7 +271,7 @@ def test_everything_at_once_with_and_without_walls(mesh: str) -> None:
     ends = []
     for walls in (True, False):
         layout, assets, params, states = program(EVERYTHING, walls=walls, drag={"mesh": mesh})
-        run = jax.jit(lambda a, p, s, layout=layout: simulate.rollout(layout, 8, a, p, s, jnp.int32(8)))
+        run = jax.jit(lambda a, p, s, layout=layout: advance.rollout(layout, 8, a, p, s, jnp.int32(8)))
         states, shown = run(assets, params, states)
         ends.append((np.asarray(states[0].force), np.asarray(shown[0][1].apparent_weight)))
     assert np.abs(ends[0][0]).max() > 10
@@ -290,7 +290,7 @@ def test_gradient_through_waves() -> None:
         changed = dataclasses.replace(params, fluids=fluids)
 
         def frame(states: Any, _: Any) -> Any:
-            return simulate.one_frame(layout, assets, changed, states)[0], None
+            return advance.one_frame(layout, assets, changed, states)[0], None
 
         at, _ = jax.lax.scan(frame, states, None, length=12)
         return at[0].velocity[1].sum() if at[0].velocity.ndim == 2 else at[0].velocity[:, 1].sum()

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from crowd import scene, simulate
+from crowd import advance, scene
 from crowd.build import Program, build
 from tests.crowd.scenes import herd, scenario
 
@@ -33,7 +33,7 @@ def mean_speed(program: Program, factors: jax.Array) -> jax.Array:
     changed = dataclasses.replace(params, fluids=fluids, characters=(walker,))
 
     def frame(states: Any, _: None) -> Any:
-        states, _ = simulate.one_frame(layout, assets, changed, states)
+        states, _ = advance.one_frame(layout, assets, changed, states)
         return states, states[0].velocity[0, 1, 0]
 
     return jax.lax.scan(frame, states, None, length=FRAMES)[1][FRAMES // 2 :].mean()

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from crowd import posing, scene, simulate
+from crowd import advance, posing, scene
 from crowd.build import build
 from crowd.herd_responses import TRUNK_MASS, TRUNK_MIDDLE
 from tests.crowd.scenes import beside, herd, run, scenario
@@ -121,7 +121,7 @@ def test_gradient_by_mass_and_place_of_a_load() -> None:
         changed = dataclasses.replace(params, characters=(one,))
 
         def frame(states: Any, _: Any) -> Any:
-            return simulate.one_frame(layout, assets, changed, states)[0], None
+            return advance.one_frame(layout, assets, changed, states)[0], None
 
         at = jax.lax.scan(frame, states, None, length=40)[0][0]
         return jnp.stack([at.pitch.sum(), at.velocity[0, 1].sum()])

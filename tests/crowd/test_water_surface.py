@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from crowd import live, scene, simulate
+from crowd import advance, live, scene, simulate
 from crowd.build import build
 from crowd.check import needs
 from crowd.errors import InputError
@@ -108,7 +108,7 @@ def test_gradients_through_the_waves_are_finite() -> None:
     def height(strength: Any, depth: Any) -> Any:
         water = dataclasses.replace(still, strength=strength, depth=depth)
         swept = dataclasses.replace(params, water=water)
-        after, _ = simulate.rollout(layout, 6, assets, swept, states, jnp.int32(6))
+        after, _ = advance.rollout(layout, 6, assets, swept, states, jnp.int32(6))
         return (after[-1].height ** 2).sum()
 
     derivative = jax.jit(jax.jacfwd(height, argnums=(0, 1)))(1.0, 0.8)
