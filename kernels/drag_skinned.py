@@ -11,9 +11,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from kernels.drag import Drag, Fluid, OffsetMode, Submersion, factor_of, instantiated, levels_of, wet_corner
-from kernels.totals import PIECES, total_of
+from kernels.rows import summed
+from kernels.totals import PIECES, added, total_of
 from kernels.vec import TINY
-from kernels.wall import Wall, no_wall
+from kernels.wall import Wall, apart, no_wall
 
 GROUP = 80  # triangles whose arrays for 128 characters fit a 1 MiB cache
 
@@ -103,11 +104,21 @@ def _total_jvp(
         corner, own, change = given
         wet = wall.gate(own)
         near = wet(lambda mesh: jnp.concatenate([x[corner] for x in _fields(mesh)], 2), mesh)
-        here = functools.partial(_group, submersion, mode, wet, None)
-        return total + jax.jvp(here, (_with(mesh, near),), (_with(changes, change),))[1], None
+
+        def here(mesh: _Mesh) -> Array:
+            return _group(submersion, mode, wet, None, _spread(corner.shape[1], wet, mesh))
+
+        before, after = (_with(of, _apiece(fields, wet)) for of, fields in ((mesh, near), (changes, change)))
+        return total + jax.jvp(here, (before,), (after,))[1], None
 
     zero = jnp.zeros((8, *mesh.vertices.shape[2:]), mesh.vertices.dtype)
-    every = wall(lambda changes: jnp.concatenate(_fields(changes), 1)[groups], changes)
+    fields = wall(lambda changes: jnp.concatenate(_fields(changes), 1), changes)
+    every = wall.linear(
+        lambda _, x: x[groups],
+        lambda _, on: summed(groups.reshape(-1), on.reshape(-1, *on.shape[3:]), len(mesh.vertices), wall),
+        (),
+        fields,
+    )
     change = jax.lax.scan(group, zero, (jnp.asarray(groups), _wet(groups, wall, mesh), every))[0]
     return _total(triangles, submersion, mode, wall, mesh), change
 
@@ -120,9 +131,33 @@ def _fields(mesh: _Mesh) -> list[Array]:
     return [mesh.vertices, mesh.velocity, *(level for level in mesh.levels if level.ndim == mesh.vertices.ndim)]
 
 
-def _with(mesh: _Mesh, fields: Array) -> _Mesh:
-    """The mesh with values of its fields [3, size, k, *b] at the corners of a group, as `_corners` has them."""
-    each = [tuple(jnp.unstack(field)) for field in jnp.unstack(fields, axis=2)]
+def _apiece(fields: Array, wall: Wall) -> list[tuple[Array, ...]]:
+    """[component][corner]: fields [3, size, k, *b] at the corners of a group. Backwards, each piece is copied whole."""
+
+    def parted(_: tuple[()], fields: Array) -> list[tuple[Array, ...]]:
+        return [tuple(jnp.unstack(field)) for field in jnp.unstack(fields, axis=2)]
+
+    def joined(_: tuple[()], on: list[tuple[Array, ...]]) -> Array:
+        corners = zip(*on, strict=True)
+        return jnp.stack([apart(lambda *each: jnp.stack(each, 1), *corner) for corner in corners])
+
+    return wall.linear(parted, joined, (), fields)
+
+
+def _spread(size: int, wall: Wall, mesh: _Mesh) -> _Mesh:
+    """What is one number for all triangles of a group as one for each: backwards, the sum over them stands alone."""
+
+    def spread(x: Array) -> Array:
+        return wall.linear(
+            lambda _, x: jnp.broadcast_to(x, (size, *x.shape)), lambda _, on: added(0, on), (), jnp.asarray(x)
+        )
+
+    levels = tuple(level if isinstance(level, tuple) else spread(level) for level in mesh.levels)
+    return mesh._replace(levels=levels, density_drag=spread(mesh.density_drag), offset_force=spread(mesh.offset_force))
+
+
+def _with(mesh: _Mesh, each: list[tuple[Array, ...]]) -> _Mesh:
+    """The mesh with values of its fields at the corners of a group, as `_corners` has them."""
     own = iter(each[6:])
     levels = tuple((next(own),) if level.ndim == mesh.vertices.ndim else level for level in mesh.levels)
     return mesh._replace(vertices=tuple(each[:3]), velocity=tuple(each[3:6]), levels=levels)

@@ -55,6 +55,24 @@ def merged(parts: Sequence[Array], numbers: Sequence[np.ndarray], wall: Wall) ->
     return wall.linear(lambda _, parts: _laid(parts, part, row), split, (), list(parts))
 
 
+def summed(index: np.ndarray | Array, values: Float[Array, "n *b"], rows: int, wall: Wall) -> Float[Array, "rows *b"]:
+    """The sum of all values of each row: value i belongs to row index[i].
+
+    Value after value: XLA has no scatter within a loop that is one function (see `crowd.compiler_options`).
+    """
+    none = jnp.zeros((rows, *values.shape[1:]), values.dtype)
+    if wall.flag is None:
+        return none.at[index].add(values)
+    row = jnp.asarray(index)
+
+    def added(i: Array | int, total: Array) -> Array:
+        at = row[i]
+        own = jax.lax.dynamic_slice_in_dim(total, at, 1) + jax.lax.dynamic_slice_in_dim(values, i, 1)
+        return jax.lax.dynamic_update_slice_in_dim(total, own, at, 0)
+
+    return jax.lax.fori_loop(0, len(row), added, none)
+
+
 def _laid(parts: Sequence[Array], part: np.ndarray, row: np.ndarray) -> Array:
     """Rows row[i] of parts[part[i]], one after the other; none of none."""
     if not len(row):

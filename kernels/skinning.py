@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -37,3 +38,20 @@ def skin(
             out = term if out is None else out + term
     assert out is not None
     return out
+
+
+def unskinned(
+    bones: np.ndarray, local: Float[Array, "influences 4 vertices"], joints: int, on: Float[Array, "vertices 3 *b"]
+) -> Float[Array, "joints 4 3 *b"]:
+    """The transpose of `skin` in the columns: every vertex adds to each of its bones, one after the other."""
+    influences = bones.shape[1]
+    bone, own = jnp.asarray(bones.reshape(-1)), jnp.moveaxis(local, 2, 0).reshape(-1, 4)
+    batch = (1,) * (on.ndim - 1)
+
+    def added(i: Array | int, total: Array) -> Array:
+        weights = jax.lax.dynamic_index_in_dim(own, i, keepdims=False).reshape(4, *batch)
+        change = weights * jax.lax.dynamic_slice_in_dim(on, i // influences, 1)
+        now = jax.lax.dynamic_index_in_dim(total, bone[i], keepdims=False)
+        return jax.lax.dynamic_update_index_in_dim(total, now + change, bone[i], 0)
+
+    return jax.lax.fori_loop(0, len(bone), added, jnp.zeros((joints, 4, *on.shape[1:]), on.dtype))

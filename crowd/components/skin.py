@@ -51,7 +51,12 @@ def mesh(
         return transforms
     columns = wall(skinning.bone_columns, transforms, character.scale)
     bones = herd.vertex_bones.values
-    return wall(lambda local, columns: skinning.skin(bones, local, columns), assets.skin_local, columns)
+    return wall.linear(
+        functools.partial(skinning.skin, bones),
+        lambda local, on: skinning.unskinned(bones, local, herd.joints, on),
+        assets.skin_local,
+        columns,
+    )
 
 
 def fluid_drag(
