@@ -16,7 +16,7 @@ from kernels import drag_backwards as backwards
 from kernels import quat
 from kernels.drag import Drag, Fluid, OffsetMode, Submersion, instantiated, levels_of
 from kernels.drag_moments import Ride, RigidMesh, assembled, moments
-from kernels.totals import added
+from kernels.totals import added, spread
 from kernels.wall import Wall, apart, no_wall
 
 AXES = (2, 1, 0, 1, 0)  # of the blocks in the fields of a mesh
@@ -79,7 +79,9 @@ def rigid(
     its angular velocity in its own frame (rad/s). floor: as in `drag_skinned.skinned`. `fluid.surface` may differ over
     the bones, [J, *b].
     """
-    carried = wall(_carried, transforms, velocity, scale, *levels_of(fluid.surface, floor))
+    joints = transforms.shape[1]
+    levels = (x if x.ndim > scale.ndim else spread(joints, x, wall) for x in levels_of(fluid.surface, floor))
+    carried = wall(_carried, transforms, velocity, spread(joints, scale, wall), *levels)
     ride = Ride(wall(_rows_last, carried), scale, fluid.density_drag, fluid.offset_force)
     total = _total(bones, submersion, mode, wall, mesh, ride, wall(_rows_last, transforms))
     return Drag(total[:3], total[3], total[4:7], total[7])

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from kernels.drag import Drag, Fluid, OffsetMode, Submersion, factor_of, instantiated, levels_of, wet_corner
 from kernels.rows import summed
-from kernels.totals import PIECES, added, total_of
+from kernels.totals import PIECES, spread, total_of
 from kernels.vec import TINY
 from kernels.wall import Wall, apart, no_wall
 
@@ -145,15 +145,10 @@ def _apiece(fields: Array, wall: Wall) -> list[tuple[Array, ...]]:
 
 
 def _spread(size: int, wall: Wall, mesh: _Mesh) -> _Mesh:
-    """What is one number for all triangles of a group as one for each: backwards, the sum over them stands alone."""
-
-    def spread(x: Array) -> Array:
-        return wall.linear(
-            lambda _, x: jnp.broadcast_to(x, (size, *x.shape)), lambda _, on: added(0, on), (), jnp.asarray(x)
-        )
-
-    levels = tuple(level if isinstance(level, tuple) else spread(level) for level in mesh.levels)
-    return mesh._replace(levels=levels, density_drag=spread(mesh.density_drag), offset_force=spread(mesh.offset_force))
+    """What is one number for all triangles of a group as one for each."""
+    levels = tuple(level if isinstance(level, tuple) else spread(size, level, wall) for level in mesh.levels)
+    density_drag, offset_force = (spread(size, x, wall) for x in (mesh.density_drag, mesh.offset_force))
+    return mesh._replace(levels=levels, density_drag=density_drag, offset_force=offset_force)
 
 
 def _with(mesh: _Mesh, each: list[tuple[Array, ...]]) -> _Mesh:

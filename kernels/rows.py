@@ -36,9 +36,9 @@ def picked(x: Float[Array, "k rows *b"], numbers: np.ndarray, wall: Wall) -> Flo
     return wall.linear(lambda _, x: _laid([x], np.zeros_like(numbers), numbers), back, (), x)
 
 
-def taken(x: Float[Array, "k rows *b"], numbers: np.ndarray) -> Float[Array, "k taken *b"]:
-    """x[:, numbers] within a stage."""
-    return _together(list(_runs(np.zeros_like(numbers), numbers)), x) if len(numbers) else x[:, :0]
+def parted(x: Float[Array, "k rows *b"], parts: int, wall: Wall) -> list[Float[Array, "k some *b"]]:
+    """Equal parts of the rows, which backwards are put together, not added up in arrays of zeros."""
+    return wall.linear(lambda _, x: jnp.split(x, parts, 1), lambda _, on: jnp.concatenate(on, 1), (), x)
 
 
 def merged(parts: Sequence[Array], numbers: Sequence[np.ndarray], wall: Wall) -> Float[Array, "k rows *b"]:

@@ -46,6 +46,15 @@ def _added_jvp(axis: int, terms: tuple[Array], tangents: tuple[Array]) -> tuple[
     return added(axis, *terms), tangents[0].sum(axis)
 
 
+def spread(size: int, x: Array, wall: Wall) -> Array:
+    """[size, ...]: x over and over. Backwards the sum stands alone: in one loop with what it is of, it is slow."""
+
+    def over(_: tuple[()], x: Array) -> Array:
+        return jnp.broadcast_to(x, (size, *x.shape))
+
+    return wall.linear(over, lambda _, on: added(0, on), (), jnp.asarray(x))
+
+
 @jax.custom_jvp
 def _together(*terms: Array) -> tuple[Array, ...]:
     zeros = tuple(jnp.zeros((), term.dtype) for term in terms)

@@ -17,7 +17,7 @@ from crowd.layout import HerdLayout
 from crowd.params import Character, Params
 from crowd.state import State
 from kernels import arm_limits, controllers, ik, quat
-from kernels.rows import picked
+from kernels.rows import parted, picked
 from kernels.vec import TINY, dot, plus, smoothstep, unit
 from kernels.wall import Wall
 
@@ -61,7 +61,7 @@ def arms(
     and elbow let it (`kernels.arm_limits`).
     """
     joints = picked(hung.transforms[4:], np.array([*herd.shoulders, *herd.elbows, *herd.hands]), wall)
-    now = (character, joints, shift, surface)
+    now = (character, parted(joints, 3, wall), shift, surface)
     below = wall(functools.partial(_below, assets, params), *now)
     if "arms" not in herd.responses:
         raised = wall(lambda c, below: _response(below, assets.arm_length * c.scale), character, below)
@@ -77,14 +77,13 @@ def arms(
 
 
 def _below(
-    assets: HerdAssets, params: Params, character: Character, joints: Array, shift: Array, surface: Array
+    assets: HerdAssets, params: Params, character: Character, joints: list[Array], shift: Array, surface: Array
 ) -> Array:
     """[A, n] m: how far the lower of elbow and hand is below where it is wanted.
 
-    joints [3, 3 A, n]: shoulders, elbows and hands as the clip has them.
+    joints [3, A, n] each: shoulders, elbows and hands as the clip has them.
     """
-    _, elbow, hand = jnp.split(moved(joints, shift)[1], 3)
-    lowest = jnp.minimum(elbow, hand)
+    lowest = jnp.minimum(*(moved(joint, shift)[1] for joint in joints[1:]))
     return _level(assets, params, character, surface) - lowest
 
 
@@ -113,12 +112,12 @@ def _goal(
     response: Array,
     state: State,
     character: Character,
-    joints: Array,
+    joints: list[Array],
     shift: Array,
     surface: Array,
 ) -> _Goal:
     """What each arm is to do; response [A, n]: how far it is raised."""
-    shoulder, elbow, hand = jnp.split(moved(joints, shift), 3, 1)
+    shoulder, elbow, hand = (moved(joint, shift) for joint in joints)
     size = assets.arm_length * character.scale
     short = _level(assets, params, character, surface) - hand[1]
     rise = 0.5 * (short + jnp.sqrt(short * short + (0.1 * size) ** 2))

@@ -12,7 +12,7 @@ from crowd.params import Character
 from crowd.state import State, Strides
 from kernels import leg_clearance
 from kernels.footprint import Footprint, about
-from kernels.rows import taken
+from kernels.rows import picked
 from kernels.trig import sin_cos
 from kernels.vec import TINY
 from kernels.wall import Wall
@@ -21,34 +21,39 @@ OWN_SIDE = 0.3  # of the gap: how much nearer than to another's middle a foot's 
 
 
 def uncrossed(
-    herd: HerdLayout, character: Character, state: State, blend: Blend, heel: Array, yaw: Array, foot: Array
+    herd: HerdLayout, character: Character, state: State, blend: Blend, heel: Array, yaw: Array, foot: Array, wall: Wall
 ) -> Array:
     """Predicted heel ends [3, L, n], relative to the position, moved so that no foot crosses its partner's.
 
     yaw [L, n], foot [3, L, n]: heel to toe end, of the predicted prints; feet are where their middles are.
     """
-    partner, half = np.array(herd.partners), 0.5 * about(foot, yaw)[::2]
-    place, sole = _standing(state, blend)
-    sin, cos = sin_cos(yaw)
-    gap = jnp.stack([_gap(herd, character, i, p) for i, p in enumerate(herd.partners)])
-    other = taken(place + 0.5 * sole, partner)
-    moved = leg_clearance.beside(heel[::2] + half, other, jnp.stack([cos, -sin]), _sides(herd), gap) - half
-    return jnp.stack([moved[0], heel[1], moved[1]])
+
+    def middles(state: State, blend: Blend) -> Array:
+        place, sole = _standing(state, blend)
+        return place + 0.5 * sole
+
+    def beside(character: Character, heel: Array, yaw: Array, foot: Array, other: Array) -> Array:
+        half = 0.5 * about(foot, yaw)[::2]
+        sin, cos = sin_cos(yaw)
+        gap = jnp.stack([_gap(herd, character, i, p) for i, p in enumerate(herd.partners)])
+        moved = leg_clearance.beside(heel[::2] + half, other, jnp.stack([cos, -sin]), _sides(herd), gap) - half
+        return jnp.stack([moved[0], heel[1], moved[1]])
+
+    other = picked(wall(middles, state, blend), np.array(herd.partners), wall)
+    return wall(beside, character, heel, yaw, foot, other)
 
 
 def apart(
     herd: HerdLayout, character: Character, state: State, blend: Blend, ahead: Footprint, wall: Wall
 ) -> Footprint:
     """Prints ahead [L, n], relative to the position, that give way to where the legs near them stand or will land."""
-    one, other = (np.array(legs) for legs in zip(*herd.near, strict=True))
 
-    def pairs(state: State, blend: Blend, ahead: Footprint) -> tuple[Array, ...]:
+    def soles(state: State, blend: Blend, ahead: Footprint) -> tuple[Array, ...]:
         place, sole = _standing(state, blend)
         start = ahead.position[::2]
-        end = start + _level(ahead.foot, ahead.yaw)
-        return taken(start, one), taken(end, one), taken(place, other), taken(place + sole, other)
+        return start, start + _level(ahead.foot, ahead.yaw), place, place + sole
 
-    ends = wall(pairs, state, blend, ahead)
+    ends = _pairs(herd, wall, *wall(soles, state, blend, ahead))
     way = wall(lambda *now: _ways(herd, *now), character, state, *ends)
     moved = wall(lambda place, way: _shifted(place, _summed(herd, way)), ahead.position, way)
     return ahead._replace(position=moved)
@@ -67,18 +72,23 @@ def kept(
 ) -> Array:
     """Feet [3, L, n] in flight that give way to those near them. sole [3, L, n]: from there to the other end, m;
     flight [L, n]: share done, 0 or 1 for feet that stand."""
-    one, other = (np.array(legs) for legs in zip(*herd.near, strict=True))
-
-    def pairs(heel: Array, sole: Array) -> tuple[Array, ...]:
-        start, end = heel[::2], (heel + sole)[::2]
-        return taken(start, one), taken(end, one), taken(start, other), taken(end, other)
 
     def together(heel: Array, flight: Array, way: Array) -> Array:
         return _shifted(heel, _summed(herd, way) * (1.0 - (2.0 * flight - 1.0) ** 4))
 
-    ends = wall(pairs, heel, sole)
+    start, end = wall(lambda heel, sole: (heel[::2], (heel + sole)[::2]), heel, sole)
+    ends = _pairs(herd, wall, start, end, start, end)
     way = wall(lambda *now: _ways(herd, *now), character, state, *ends)
     return wall(together, heel, flight, way)
+
+
+def _pairs(
+    herd: HerdLayout, wall: Wall, start: Array, end: Array, other_start: Array, other_end: Array
+) -> tuple[Array, ...]:
+    """[2, P, n] each: both ends of the first foot of every pair of near ones, and of the second, out of [2, L, n]."""
+    one, other = (np.array(legs) for legs in zip(*herd.near, strict=True))
+    rows = ((start, one), (end, one), (other_start, other), (other_end, other))
+    return tuple(picked(x, legs, wall) for x, legs in rows)
 
 
 def _ways(herd: HerdLayout, character: Character, state: State, *ends: Array) -> Array:

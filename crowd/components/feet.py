@@ -17,7 +17,7 @@ from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, Params
 from crowd.state import State
 from kernels import ik, quat
-from kernels.rows import picked
+from kernels.rows import parted, picked
 from kernels.trig import sin_cos
 from kernels.vec import TINY, dot, unit
 from kernels.wall import Wall
@@ -99,7 +99,7 @@ def feet(
     herd, transforms = layout.herds[which], hung.transforms
     if layout.gait == "clip":
         joints = picked(transforms, np.array([*herd.ankles, *herd.balls]), wall)
-        return wall(functools.partial(_as_played, assets), character, state, blend, joints)
+        return wall(functools.partial(_as_played, assets), character, state, blend, *parted(joints, 2, wall))
     ground = wall(lambda s: sense.ground(layout, world, s.gait.handle, s.position[1]), state)
     lift = wall(lambda c, s, b: _swing_height(herd, assets, c, s, b), character, state, blend)
     if layout.regions and "high_step" in herd.responses:
@@ -107,7 +107,7 @@ def feet(
         lift = wall(lambda *now: high_step.raised(*now), character, depth, jnp.zeros_like(lift), lift, flight)
     level = wall(_levelled, state, ground[1])
     joints = picked(transforms, np.array([*herd.hips, *herd.knees, *herd.ankles, *herd.balls]), wall)
-    goal = wall(functools.partial(_goal, assets), character, state, joints, ground[0], lift, level)
+    goal = wall(functools.partial(_goal, assets), character, state, parted(joints, 4, wall), ground[0], lift, level)
     if "clearance" in herd.responses:
         kept = clearance.kept(herd, character, state, goal.contact, goal.foot, state.gait.progress, wall)
         goal = goal._replace(contact=kept)
@@ -119,12 +119,18 @@ def feet(
 
 
 def _goal(
-    assets: HerdAssets, character: Character, state: State, joints: Array, height: Array, lift: Array, level: Array
+    assets: HerdAssets,
+    character: Character,
+    state: State,
+    joints: list[Array],
+    height: Array,
+    lift: Array,
+    level: Array,
 ) -> _Goal:
-    """joints: transforms of the legs' hips, knees, ankles and balls, one after the other; height: ground [L, n] under
-    the handles, in the world; lift: height of the contact points above it."""
-    hips, knees, ankles, _ = jnp.split(joints[4:], 4, 1)
-    contact = _contact(assets, character, joints[:, -height.shape[0] :])
+    """joints: transforms [7, L, n] of hips, knees, ankles and balls; height: ground [L, n] under the handles, in the
+    world; lift: height of the contact points above it."""
+    hips, knees, ankles = (joint[4:] for joint in joints[:3])
+    contact = _contact(assets, character, joints[3])
     place = state.gait.handle - state.position[::2][:, None]
     goal = jnp.stack([place[0], height - state.position[1] + lift, place[1]])
     return _Goal(hips, knees - hips, ankles - knees, goal, quat.rotate(level, ankles - contact), level)
@@ -202,12 +208,8 @@ def _contact(assets: HerdAssets, character: Character, balls: Array) -> Array:
     return balls[4:] + quat.rotate(balls[:4], assets.ball_offset * character.scale)
 
 
-def _as_played(assets: HerdAssets, character: Character, state: State, blend: Mix, joints: Array) -> Feet:
-    """Legs as the clip has them; contact follows from its phase. They skate when the speed is not the clip's.
-
-    joints: transforms of the legs' ankles, then of the balls.
-    """
-    ankles, balls = jnp.split(joints, 2, 1)
+def _as_played(assets: HerdAssets, character: Character, state: State, blend: Mix, ankles: Array, balls: Array) -> Feet:
+    """Legs as the clip has them; contact follows from its phase. They skate when the speed is not the clip's."""
     contact = _contact(assets, character, balls)
     since = state.phase - blend.lift
     since = since - jnp.floor(since)

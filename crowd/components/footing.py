@@ -54,7 +54,7 @@ def footprints(
         cycle_s,
     )
     if "clearance" in herd.responses:
-        heel = wall(lambda *now: clearance.uncrossed(herd, *now), character, state, blend, heel, yaw, blend.foot)
+        heel = clearance.uncrossed(herd, character, state, blend, heel, yaw, blend.foot, wall)
     at_heel = wall(ground, heel, at)
     toe = wall(lambda heel, b, yaw: heel + about(b.foot, yaw), heel, blend, yaw)
     at_toe = wall(ground, toe, at)

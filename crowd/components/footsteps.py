@@ -16,7 +16,7 @@ from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, Control, Params
 from crowd.state import State
 from kernels import clips, controllers, leg_clearance, stepping
-from kernels.rows import taken
+from kernels.rows import picked
 from kernels.trig import sin_cos
 from kernels.vec import TINY, smoothstep
 from kernels.wall import Wall
@@ -107,7 +107,8 @@ def gait(
     phase = wall(lambda phase, pace: _wrap(phase + pace.advance), state.phase, pace)
     state = dataclasses.replace(state, phase=phase)
     swing = wall(lambda *now: _swing(dt, control, assets, *now), character, state, blend, pace, rest)
-    target = wall(lambda *now: _aimed(herd, control, assets, *now), character, state, blend, pace, rest, swing)
+    other = picked(state.gait.handle, np.array(herd.partners), wall)
+    target = wall(lambda *now: _aimed(herd, control, assets, *now), character, state, other, blend, pace, rest, swing)
     handle, foot_yaw = wall(_moved, state, target, swing)
     state = _with(state, progress=swing.after, target=target, handle=handle, foot_yaw=foot_yaw)
     return state, blend, wall(lambda s, b: _poses(herd, s, b), state, blend)
@@ -210,16 +211,17 @@ def _aimed(
     assets: HerdAssets,
     character: Character,
     state: State,
+    other: Array,
     blend: Mix,
     pace: _Pace,
     rest: Array,
     swing: _Swing,
 ) -> Array:
-    """[2, L, n] targets: aimed at where the foot will be wanted, without crossing the other foot."""
+    """[2, L, n] targets: aimed at where the foot will be wanted, without crossing the other foot, at `other`."""
     root = state.position[::2]
     stride = pace.stride * jnp.where(pace.walking, 1.0, 0.0)
     aim = stepping.landing(root[:, None], rest, stride[:, None], swing.after, blend.duty)
-    return jnp.where(swing.aims, _uncrossed(herd, control, assets, character, state, aim), state.gait.target)
+    return jnp.where(swing.aims, _uncrossed(herd, control, assets, character, state, other, aim), state.gait.target)
 
 
 def _moved(state: State, target: Array, swing: _Swing) -> tuple[Array, Array]:
@@ -261,7 +263,13 @@ def _closing(
 
 
 def _uncrossed(
-    herd: HerdLayout, control: Control, assets: HerdAssets, character: Character, state: State, aim: Array
+    herd: HerdLayout,
+    control: Control,
+    assets: HerdAssets,
+    character: Character,
+    state: State,
+    other: Array,
+    aim: Array,
 ) -> Array:
     """Targets that do not pass the partner's foot: a lateral gap in the character's own axes is kept."""
     partner = np.array(herd.partners)
@@ -269,7 +277,6 @@ def _uncrossed(
     side = side.reshape(-1, 1).astype(aim.dtype)
     sin, cos = sin_cos(state.yaw)
     left = jnp.stack([cos, -sin])
-    other = taken(state.gait.handle, partner)
     gap = control.foot_gap * jnp.abs(assets.idle_rest[0] - assets.idle_rest[0, partner]) * character.scale
     return leg_clearance.beside(aim, other, left[:, None], side, gap)
 

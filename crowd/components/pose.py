@@ -13,7 +13,7 @@ from crowd.layout import HerdLayout
 from crowd.params import Character
 from crowd.state import State
 from kernels import clips, quat
-from kernels.rows import merged, taken
+from kernels.rows import merged, picked
 from kernels.skeleton import forward_kinematics
 from kernels.vec import plus
 from kernels.wall import Wall
@@ -57,7 +57,8 @@ def pose(herd: HerdLayout, assets: HerdAssets, character: Character, state: Stat
     moving = np.array(herd.moving, int)
     still = np.setdiff1d(np.arange(herd.joints), moving)
     moved = wall(lambda translation, scale: translation * scale, translation, character.scale)
-    resting = wall(lambda rest, scale: taken(rest, still) * scale, assets.rest_translation, character.scale)
+    rest = picked(assets.rest_translation, still, wall)
+    resting = wall(lambda rest, scale: rest * scale, rest, character.scale)
     offset = merged([moved, resting], [moving, still], wall)
     legs, body = wall(standing, state.yaw, poses.up)
     orientation = wall(lambda body, pitch: quat.multiply(body, quat.about_x(pitch)), body, state.pitch)

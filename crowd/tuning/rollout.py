@@ -110,7 +110,7 @@ def _with_slopes(plan: Plan, given: Lanes, free: tuple[Array, ...]) -> tuple[Arr
 
 @functools.lru_cache(maxsize=8)
 def _jitted(plan: Plan) -> Any:
-    return jax.jit(functools.partial(_with_slopes, plan), compiler_options=options())
+    return jax.jit(functools.partial(_with_slopes, plan), compiler_options=options(one_function=False))
 
 
 _programs: dict[tuple[Any, ...], tuple[Any, int]] = {}
