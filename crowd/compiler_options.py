@@ -39,12 +39,18 @@ def options(one_function: bool = True) -> dict[str, int | str]:
     """XLA's options on this backend, for `jax.jit(..., compiler_options=options())`.
 
     Vectors of 512 bits: XLA asks for 256 where a processor has wider ones (a frame of 2048 people takes a third less
-    on an AMD EPYC of family 26); processors without them ignore it. one_function: otherwise loops run kernel by kernel,
-    as a profiler wants them.
+    on an AMD EPYC of family 26); processors without them ignore it. Copies that are not needed are looked for harder:
+    the mesh of the frame before is copied once, not twice.
+
+    one_function: otherwise loops run kernel by kernel, as a profiler wants them. That compiles faster where a loop is
+    long, above all backwards (a gradient in 25 s instead of 60, and runs for 1.6 times as long).
     """
     if jax.default_backend() != "cpu":
         return {}
-    chosen: dict[str, int | str] = {"xla_cpu_prefer_vector_width": 512}
+    chosen: dict[str, int | str] = {
+        "xla_cpu_prefer_vector_width": 512,
+        "xla_cpu_copy_insertion_use_region_analysis": True,
+    }
     return chosen if one_function else chosen | {"xla_disable_hlo_passes": ",".join((*WITHOUT, HOISTING))}
 
 

@@ -61,7 +61,7 @@ def summed(index: np.ndarray | Array, values: Float[Array, "n *b"], rows: int, w
     Value after value: XLA has no scatter within a loop that is one function (see `crowd.compiler_options`).
     """
     none = jnp.zeros((rows, *values.shape[1:]), values.dtype)
-    if wall.flag is None:
+    if wall.flag is None or not len(index):
         return none.at[index].add(values)
     row = jnp.asarray(index)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jax
 import numpy as np
 import pytest
 
@@ -100,3 +101,18 @@ def test_gradients() -> None:
     run, table = skinned(mesh(4))
     transforms, scale = placed((2,))
     assert_gradients_agree(run, transforms, scale, table)
+
+
+@pytest.mark.parametrize("influences", [1, 4])
+@pytest.mark.parametrize("batch", BATCHES)
+def test_its_transpose_as_told(influences: int, batch: tuple[int, ...]) -> None:
+    made = mesh(influences)
+    columns = np.random.default_rng(2).normal(size=(JOINTS, 4, 3, *batch))
+    on = np.random.default_rng(3).normal(size=(VERTICES, 3, *batch))
+
+    def both(columns, local, on):
+        pull = jax.vjp(lambda columns: skinning.skin(made.joints, local, columns), columns)[1]
+        return pull(on)[0], skinning.unskinned(made.joints, local, JOINTS, on)
+
+    expected, found = in_double(both, columns, local(made), on)
+    assert_close(found, expected, 1e-12)

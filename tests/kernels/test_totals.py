@@ -11,7 +11,7 @@ import pytest
 from jax.test_util import check_grads
 
 from kernels.drag_moments import summed, term_by_term
-from kernels.totals import PIECES, added, total_of
+from kernels.totals import PIECES, added, spread, total_of
 from kernels.wall import Wall, apart, no_wall
 from tests.kernels.checks import assert_close, in_double
 
@@ -57,3 +57,12 @@ def test_derivatives(wall: Wall) -> None:
         return jnp.sin(total_of(lambda x: [x, x * x, jnp.ones_like(x)], wall, jnp.asarray(x)))
 
     check_grads(f, (x,), order=2, modes=("fwd", "rev"), atol=1e-2, rtol=1e-2)
+
+
+@pytest.mark.parametrize("shape", [(), (5,), (2, 3)])
+def test_spread(wall: Wall, shape: tuple[int, ...]) -> None:
+    x = np.random.default_rng(0).normal(size=shape).astype(np.float32)
+    np.testing.assert_array_equal(spread(4, jnp.asarray(x), wall), np.stack([x] * 4))
+    weights = jnp.arange(1.0, 5.0).reshape(4, *(1,) * len(shape))
+    slope = jax.grad(lambda x: (weights * spread(4, x, wall)).sum())(jnp.asarray(x))
+    np.testing.assert_allclose(slope, np.full(shape, 10.0), rtol=1e-6)
