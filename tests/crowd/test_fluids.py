@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import Any
 
 import jax
@@ -12,6 +13,7 @@ import pytest
 
 from crowd import advance, fluid_build, scene
 from crowd.build import build
+from crowd.compiler_options import options
 from crowd.errors import InputError
 from crowd.scenario_fluid import Spectrum
 from crowd.scenario_world import FluidRegion
@@ -295,7 +297,7 @@ def test_gradient_through_waves() -> None:
         at, _ = jax.lax.scan(frame, states, None, length=12)
         return at[0].velocity[1].sum() if at[0].velocity.ndim == 2 else at[0].velocity[:, 1].sum()
 
-    @jax.jit
+    @functools.partial(jax.jit, compiler_options=options(one_function=False))  # compiles sooner
     def slopes(factor: jax.Array) -> tuple[jax.Array, jax.Array]:
         forward = jax.jvp(gained, (factor,), (jnp.float32(1.0),))[1]
         return forward, (gained(factor + 0.05) - gained(factor - 0.05)) / 0.1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import Any
 
 import jax
@@ -12,6 +13,7 @@ import pytest
 
 from crowd import advance, posing, scene
 from crowd.build import build
+from crowd.compiler_options import options
 from crowd.herd_responses import TRUNK_MASS, TRUNK_MIDDLE
 from tests.crowd.scenes import beside, herd, run, scenario
 
@@ -126,7 +128,7 @@ def test_gradient_by_mass_and_place_of_a_load() -> None:
         at = jax.lax.scan(frame, states, None, length=40)[0][0]
         return jnp.stack([at.pitch.sum(), at.velocity[0, 1].sum()])
 
-    @jax.jit
+    @functools.partial(jax.jit, compiler_options=options(one_function=False))  # compiles sooner
     def slopes(at: jax.Array) -> tuple[jax.Array, jax.Array]:
         each = jnp.eye(2)
         forward = jax.lax.map(lambda t: jax.jvp(ends, (at,), (t,))[1], each)
