@@ -95,7 +95,7 @@ def measure(job: Job) -> dict[str, Any]:
         line = measured(job.case, job.runs)
         return line | {"pinned_cores": pinned, "peak_rss_bytes": peak_memory()}
     frames = job.frames or frames_for(job.case.count)
-    program, line, layout, lowered = _compiled(job, frames)
+    program, line, layout = _compiled(job, frames)
     line |= {"pinned_cores": pinned, "device": jax.devices()[0].device_kind}
     if not job.runs:
         return line
@@ -112,13 +112,12 @@ def measure(job: Job) -> dict[str, Any]:
         from benchmarks.stages import shares
 
         profiled = max(1, min(RATE, 8192 // job.case.count)) if job.platform == "cpu" else 20
-        line["stage_share"], line["instructions_per_frame"] = shares(lowered, *arguments, frames=profiled)
+        line["stage_share"], line["instructions_per_frame"] = shares(layout, *arguments, frames=profiled)
     return line
 
 
-def _compiled(job: Job, frames: int) -> tuple[Any, dict[str, Any], Any, Any]:
-    """([(executable, assets, params, states) of each device], seconds and bytes of the compiled program, layout, the
-    first device's program before it is compiled)."""
+def _compiled(job: Job, frames: int) -> tuple[Any, dict[str, Any], Any]:
+    """([(executable, assets, params, states) of each device], seconds and bytes of the compiled program, layout)."""
     from crowd.build import build
     from crowd.one_compile import compiled_once
     from crowd.scene import load
@@ -144,7 +143,7 @@ def _compiled(job: Job, frames: int) -> tuple[Any, dict[str, Any], Any, Any]:
         per = job.case.devices / job.case.count  # the program of one device
         line["temp_bytes_per_character"] = round(memory.temp_size_in_bytes * per, 1)
         line["argument_bytes_per_character"] = round(memory.argument_size_in_bytes * per, 1)
-    return [(one, *share) for one, share in zip(executables, shares, strict=True)], line, program[0], lowered[0]
+    return [(one, *share) for one, share in zip(executables, shares, strict=True)], line, program[0]
 
 
 def _advanced(program: Any, frames: int) -> tuple[Any, float, float]:

@@ -2,7 +2,7 @@
 
 Every instruction of the compiled text carries the path of named scopes it came from, and the profiler times every
 instruction as it runs. An instruction's own time is its duration less that of the instructions inside it (loops and
-walls contain others), so own times add up to the whole. On a CPU all instructions of a loop are one function, in which
+walls contain others), so own times add up to the whole. On a CPU all instructions of a step are one function, in which
 the profiler sees nothing; the program is compiled anew for it, with a kernel for each. That, and the profiler itself,
 slow the program down, most where instructions are many and short; so only shares are returned, and they are
 approximate.
@@ -10,6 +10,7 @@ approximate.
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import tempfile
 from collections import defaultdict
@@ -69,20 +70,21 @@ def own_times(events: Iterable[Event], stages: Mapping[str, str]) -> dict[str, f
     return total
 
 
-def shares(lowered: Any, assets: Any, params: Any, states: Any, frames: int) -> tuple[dict[str, float], float]:
+def shares(layout: Any, assets: Any, params: Any, states: Any, frames: int) -> tuple[dict[str, float], float]:
     """Share of every stage in the time of `frames` frames, adding up to 1, and how many instructions of a stage (on a
     GPU: kernels) run in a frame; empty and 0 where the profiler shows nothing.
 
-    lowered: `crowd.simulate.rollout`, whose remaining arguments follow. The states are donated.
+    All but the frames: of a `crowd.build.Program`. The states are donated.
     """
     import jax
     import jax.numpy as jnp
 
-    from crowd.compiler_options import options
+    from crowd.simulate import compiled
 
-    executable = lowered.compile(compiler_options=options(one_function=False))
-    stages = instruction_stages(executable.as_text())
     count = jnp.asarray(frames, jnp.int32)
+    run = compiled(dataclasses.replace(layout, as_functions=False), -(-frames // layout.record_every))
+    executable = run.lower(assets, params, states, count).compile()
+    stages = instruction_stages(executable.as_text())
     options = jax.profiler.ProfileOptions()
     options.python_tracer_level = 0
     with tempfile.TemporaryDirectory(prefix="crowd-profile-") as folder:

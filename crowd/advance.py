@@ -20,7 +20,7 @@ from crowd.components import water_surface
 from crowd.layout import Layout
 from crowd.params import Params
 from crowd.state import Frame, State, blank_frame, shown_state
-from crowd.step import remembered, step
+from crowd.step import as_function, remembered, step
 from kernels.wall import apart, no_wall
 from kernels.water import Waves
 
@@ -45,8 +45,12 @@ def one_frame(
 
     def herd(which: int) -> Any:
         def tile(pair: tuple[Any, State]) -> tuple[State, Frame]:
-            character, state = pair
-            return step(layout, which, assets.herds[which], assets.world, params, character, state, wall, felt)
+            def stage(herd: Any, world: Any, params: Params, character: Any, state: State, felt: Any) -> Any:
+                return step(layout, which, herd, world, params, character, state, wall, felt)
+
+            given = assets.herds[which], assets.world, params, *pair, felt
+            # a derivative of a function would step everything again, the drag, too
+            return stage(*given) if last is None else as_function(layout, wall, stage, *given)
 
         pairs = (params.characters[which], states[which])
         one = remembered(tile) if remember else tile
@@ -58,10 +62,7 @@ def one_frame(
         def turn(number: Array | int, now: tuple[State, Frame]) -> tuple[State, Frame]:
             return _put(now, number, tile((_at(params.characters[which], number), _at(now[0], number))))
 
-        # The compiler is not to know how many turns: a loop of one it takes away, and then runs kernel by kernel what
-        # is one function in a loop (see `compiler_options`), with other last bits.
-        turns = jnp.where(states[which].frame[0, 0] < 0, 0, len(states[which].phase))
-        return jax.lax.fori_loop(0, turns, turn, (states[which], last[which]))
+        return jax.lax.fori_loop(0, len(states[which].phase), turn, (states[which], last[which]))
 
     results = [herd(which) for which in range(len(layout.herds))]
     stepped, frames = tuple(state for state, _ in results), tuple(frame for _, frame in results)
@@ -119,7 +120,8 @@ def _herd_on(
     wall = apart if layout.walls else no_wall
 
     def advance(character: Any, now: tuple[State, Frame]) -> tuple[State, Frame]:
-        return step(layout, which, assets.herds[which], assets.world, params, character, now[0], wall)
+        stage = functools.partial(step, layout, which, wall=wall)
+        return as_function(layout, wall, stage, assets.herds[which], assets.world, params, character, now[0])
 
     def started(state: State) -> tuple[State, Frame]:
         return state, blank_frame(layout, layout.herds[which], state)
@@ -178,7 +180,7 @@ def _turns_on(
     def advance(state: State) -> State:
         return pace.frame_on(layout, which, assets.herds[which], assets.world, params, state, wall)
 
-    states, shown = _recorded(layout, chunk, frames, states, advance, lambda state: pace.between(state, wall))
+    states, shown = _recorded(layout, chunk, frames, states, advance, lambda state: pace.between(layout, state, wall))
     return states, jax.tree.map(lambda x: jnp.swapaxes(x, 0, 1), shown)
 
 

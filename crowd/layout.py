@@ -173,6 +173,7 @@ class Layout:
     walls: bool  # False where kernels are better large (GPU)
     fluid: FluidLayout = FluidLayout()
     water: WaterLayout | None = None  # None: surfaces stay level
+    as_functions: bool = True  # with walls: a tile's step is one compiled function; False: kernels, as a profiler wants
     tick: float = 0.0  # s, of a frame, where a step takes more than one (`crowd.pace`); 0: each takes one
 
     @property

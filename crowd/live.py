@@ -102,7 +102,7 @@ class Stepper:
     def position(self) -> dict[str, np.ndarray]:
         """Places [n, 3] m of every herd, world."""
         pairs = zip(self.scene.herds, self._states, strict=False)
-        return {herd.name: _untiled(_place(state), herd.count).T for herd, state in pairs}
+        return {herd.name: _untiled(_place(self._layout, state), herd.count).T for herd, state in pairs}
 
     def step(
         self, velocity: Steering | None = None, facing: Steering | None = None, frames: int = 1
@@ -191,9 +191,9 @@ class Stepper:
         )
 
 
-def _place(state: State) -> np.ndarray:
+def _place(layout: Layout, state: State) -> np.ndarray:
     """[tiles, 3, n] m, where characters are shown: those that are not stepped every frame are ahead of that."""
-    return np.array(state.position if state.paced is None else between(state, no_wall)[0]["position"])
+    return np.array(state.position if state.paced is None else between(layout, state, no_wall)[0]["position"])
 
 
 def _untiled(values: np.ndarray, count: int) -> np.ndarray:

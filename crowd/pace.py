@@ -21,7 +21,7 @@ from crowd.assets import HerdAssets, World
 from crowd.layout import HerdLayout, Layout
 from crowd.params import Character, Events, Pace, Params
 from crowd.state import Frame, Paced, State, shown_state
-from crowd.step import step
+from crowd.step import as_function, step
 from kernels.vec import TINY
 from kernels.wall import Wall
 
@@ -53,8 +53,9 @@ def frame_on(
         mine = jax.tree.map(lambda leaf: jax.lax.dynamic_index_in_dim(leaf, tile, keepdims=False), (characters, state))
         # a loop of one turn, of which the compiler does not know: so everything of a tile is read before anything of it
         # is written, and tiles change in their place instead of in a copy of the whole herd
-        ahead = functools.partial(_ahead, layout, which, assets, world, params, mine[0], wall=wall)
-        gone = jax.lax.fori_loop(0, once, lambda _, own: ahead(own), mine[1])
+        ahead = functools.partial(_ahead, layout, which, wall=wall)
+        given = assets, world, params, mine[0]
+        gone = jax.lax.fori_loop(0, once, lambda _, own: as_function(layout, wall, ahead, *given, own), mine[1])
         return jax.tree.map(lambda leaf, new: jax.lax.dynamic_update_index_in_dim(leaf, new, tile, 0), state, gone)
 
     state = jax.lax.fori_loop(0, due.sum(), one, state)
@@ -147,14 +148,13 @@ def _first(frames: Array, now: Array, count: Array) -> Array:
     return jnp.where((frames >= now) & (frames < now + count), now, frames)
 
 
-def between(state: State, wall: Wall) -> tuple[dict[str, Array], Frame]:
+def between(layout: Layout, state: State, wall: Wall) -> tuple[dict[str, Array], Frame]:
     """What is shown of the tiles [tiles, ..., n] now: of a state and of a frame, between the last two steps.
 
     A foot counts as planted where it is at both; a centre of pressure is there where there was one at both.
     """
 
-    def tile(given: tuple[Paced, Array]) -> tuple[dict[str, Array], Frame]:
-        paced, ahead = given
+    def tile(paced: Paced, ahead: Array) -> tuple[dict[str, Array], Frame]:
         share = (paced.frame - paced.since).astype(jnp.float32) / jnp.maximum(ahead - paced.since, 1)
         slim, frame = wall(_blended, paced.before, paced.after, share)
         turned = {
@@ -164,8 +164,9 @@ def between(state: State, wall: Wall) -> tuple[dict[str, Array], Frame]:
         return slim, dataclasses.replace(frame, **turned)
 
     assert state.paced is not None
-    given = (state.paced, state.frame)
-    return jax.vmap(tile)(given) if wall.flag is None else jax.lax.map(tile, given)
+    if wall.flag is None:
+        return jax.vmap(tile)(state.paced, state.frame)
+    return jax.lax.map(lambda given: as_function(layout, wall, tile, *given), (state.paced, state.frame))
 
 
 def _blended(

@@ -67,7 +67,9 @@ class Result:
 @functools.lru_cache(maxsize=32)
 def compiled(layout: Layout, chunk: int) -> Any:
     """The jitted program for a layout: `rollout`, on whichever device its arguments lie."""
-    return jax.jit(functools.partial(rollout, layout, chunk), donate_argnums=(2,), compiler_options=options())
+    return jax.jit(
+        functools.partial(rollout, layout, chunk), donate_argnums=(2,), compiler_options=options(one_function=False)
+    )
 
 
 def dealt(program: Program, devices: int) -> list[Share]:

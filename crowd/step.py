@@ -120,6 +120,11 @@ def step(
     return dataclasses.replace(state, frame=state.frame + 1, previous=previous), frame
 
 
+def as_function(layout: Layout, wall: Wall, stage: Callable[..., Any], *arguments: Any) -> Any:
+    """A stage, `step` for one, that a CPU runs as one function, unless the layout wants kernel by kernel."""
+    return wall.as_function(stage, *arguments) if layout.as_functions else stage(*arguments)
+
+
 def remembered(frame: Callable[..., Any]) -> Callable[..., Any]:
     """A frame of which a backward pass keeps its arguments and the totals of the drag, and steps the rest again."""
     return jax.checkpoint(frame, policy=jax.checkpoint_policies.save_only_these_names(skin.TOTALS))

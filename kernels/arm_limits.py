@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from kernels.vec import TINY, dot
+from kernels.vec import TINY, axis, dot
 
 SOFT = 0.06  # of the arm's length: width over which a limit of its reach sets in
 
@@ -44,7 +44,7 @@ def limited(
     allowed = jnp.stack([out, up, ahead])
     distance = jnp.sqrt(dot(allowed, allowed) + TINY)
     none = distance < 1e-4 * longest
-    direction = jnp.where(none, jnp.zeros_like(hand).at[0].set(1.0), allowed / distance)
+    direction = jnp.where(none, axis(hand, 0), allowed / distance)
     soft = SOFT * longest
     near = 0.5 * (distance + nearest + jnp.sqrt((distance - nearest) ** 2 + soft * soft))
     far = 0.5 * (near + longest - jnp.sqrt((near - longest) ** 2 + soft * soft))

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from kernels import controllers
-from kernels.vec import TINY, dot, unit
+from kernels.vec import TINY, dot, unit, with_row
 
 UPRIGHT = 0.1  # m2, of a person
 
@@ -42,7 +42,7 @@ def ground_up(
     size2 = dot(away, away)
     along = dot(away, before[:, None])
     total = (before[:, None] * size2 - away * along).sum(1)
-    up = total.at[1].add(bias)
+    up = with_row(total, 1, total[1] + bias)
     usable = up[1] > 1e-6
     return jnp.where(usable, up / jnp.where(usable, up[1], 1.0), before)
 

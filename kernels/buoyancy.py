@@ -20,6 +20,7 @@ from kernels import quat
 from kernels.drag import DRY, wet_corner
 from kernels.drag_moments import RigidMesh
 from kernels.drag_skinned import grouped
+from kernels.vec import axis
 from kernels.wall import Wall, no_wall
 
 FLAT = 1e-20  # m4, under the square root of an area squared
@@ -96,7 +97,7 @@ def rigid(
 
     def carried(transforms: Array, scale: Array, surface: Array) -> Array:
         """Up in each bone's frame (3) and the depth of its origin, in its length unit."""
-        up = quat.rotate(quat.conjugate(transforms[:4]), jnp.zeros_like(transforms[4:]).at[1].set(1.0))
+        up = quat.rotate(quat.conjugate(transforms[:4]), axis(transforms[4:], 1))
         return jnp.concatenate([up, ((surface - transforms[5]) / scale)[None]])[:, bones]
 
     def depths(bone: Array) -> tuple[Array, ...]:

@@ -17,6 +17,7 @@ from kernels import quat
 from kernels.drag import Drag, Fluid, OffsetMode, Submersion, instantiated, levels_of
 from kernels.drag_moments import Ride, RigidMesh, assembled, moments
 from kernels.totals import added, spread
+from kernels.vec import axis
 from kernels.wall import Wall, apart, no_wall
 
 AXES = (2, 1, 0, 1, 0)  # of the blocks in the fields of a mesh
@@ -263,7 +264,7 @@ def _rows_last(vectors: Array) -> Array:
 def _carried(transforms: Array, velocity: Array, scale: Array, *levels: Array) -> Array:
     """Into the bone's frame and its length unit: velocity (3), spin (3), up (3), depths of the origin."""
     back = quat.conjugate(transforms[:4])
-    up = quat.rotate(back, jnp.zeros_like(transforms[4:]).at[1].set(1.0))
+    up = quat.rotate(back, axis(transforms[4:], 1))
     depths = [(level - transforms[5]) / scale for level in levels]
     own = jnp.stack([x / scale for x in jnp.unstack(quat.rotate(back, velocity[:3]))])
     return jnp.concatenate([own, velocity[3:], up, *(d[None] for d in depths)])

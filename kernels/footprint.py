@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float
 
 from kernels import trig
 from kernels.trig import sin_cos
-from kernels.vec import TINY, dot, unit
+from kernels.vec import TINY, axis, dot, unit, with_row
 from kernels.wall import Wall, no_wall
 
 LEDGE = 0.25  # of the foot's length: heel and toe further apart along the normal stand on different levels
@@ -160,7 +160,7 @@ def placed(
     ledge = both & apart
     by_toe = jnp.where(both, ledge & (rise > 0), good_b & ~good_a)
     by_toe = jnp.where(both | one, by_toe, ~hit_a & hit_b)
-    up = jnp.zeros_like(mean).at[1].set(1.0)
+    up = axis(mean, 1)
     single = jnp.where(both | one, jnp.where(by_toe, normal_b, normal_a), up)
     normal = jnp.where(both & ~ledge, along, single)
     ahead = tilted(sole, normal)
@@ -203,7 +203,7 @@ def settled(print_: Footprint, points: Float[Array, "3 5 *b"], ground: Float[Arr
     bump = jnp.where(wall & ~squeezed, 0.0, inside).max(0)
     lift = jnp.maximum(bump, 0.0) * length
     position = print_.position + ahead * shift
-    return print_._replace(position=position.at[1].add(lift))
+    return print_._replace(position=with_row(position, 1, position[1] + lift))
 
 
 def tilted(h: Float[Array, "3 *#b"], normal: Float[Array, "3 *b"]) -> Float[Array, "3 *b"]:

@@ -10,6 +10,7 @@ every number, which is no loop over vectors any more and takes five times as lon
 from __future__ import annotations
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 TINY = 1e-12  # added under square roots: value and gradient stay finite at zero
@@ -32,6 +33,21 @@ def cross(a: Float[Array, "3 *b"], b: Float[Array, "3 *c"]) -> Float[Array, "3 *
 def plus(a: Float[Array, "k *b"], b: Float[Array, "k *c"]) -> Float[Array, "k *d"]:
     """a + b, row by row: for vectors that were put together just before, as rotated ones are."""
     return jnp.stack([x + y for x, y in zip(jnp.unstack(a), jnp.unstack(b), strict=True)])
+
+
+def axis(like: Float[Array, "k *b"], row: int) -> Float[Array, "k *b"]:
+    """As many unit vectors along the axis of that number."""
+    return jnp.broadcast_to(_column(like, row), like.shape).astype(like.dtype)
+
+
+def with_row(v: Float[Array, "k *b"], row: int, value: Float[Array, "*c"]) -> Float[Array, "k *b"]:
+    """v with one row replaced: what `v.at[row].set(value)` gives without a scatter."""
+    return jnp.where(_column(v, row), value, v)
+
+
+def _column(like: Array, row: int) -> np.ndarray:
+    """Which row it is, [k, 1, ...]."""
+    return (np.arange(like.shape[0]) == row).reshape(-1, *(1,) * (like.ndim - 1))
 
 
 def norm(v: Float[Array, "3 *b"]) -> Float[Array, "*b"]:

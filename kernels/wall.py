@@ -25,10 +25,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.core import Tracer
 from jax.experimental.xla_metadata import set_xla_metadata
 from jax.extend.core import ClosedJaxpr, Literal, Primitive, Var, jaxpr_as_fun
 from jax.interpreters import ad, batching, mlir
 
+from kernels import one_function
+
+Kind = typing.Literal["apart", "gated", "function"]
 Flat = Callable[..., Sequence[Any]]  # a stage on arrays instead of trees
 
 
@@ -53,32 +57,21 @@ class Wall:
             return self
         return Wall(flag if self.flag is True else self.flag & flag)
 
+    @property
+    def _kind(self) -> Kind:
+        return "apart" if self.flag is True else "gated"
+
     def __call__(self, stage: Callable[..., Any], *arguments: Any) -> Any:
         if self.flag is None:
             return stage(*arguments)
-        leaves, tree = jax.tree.flatten(arguments)
-        closed, shapes = jax.make_jaxpr(lambda *leaves: stage(*tree.unflatten(leaves)), return_shape=True)(*leaves)
-        operands = (*closed.consts, *leaves)  # the first: what the stage got from its surroundings, not by argument
-        jaxpr, given = closed.jaxpr, dict(zip(_inputs(closed.jaxpr), operands, strict=True))
-        # what is handed through is no result of a wall; behind a gate it is, as it becomes zero where that is closed
-        own = self.flag is not True
-        made = [k for k, v in enumerate(jaxpr.outvars) if own or isinstance(v, Literal) or v not in given]
-        ends = [jaxpr.outvars[k] for k in made]
-        read = {v for v in (*ends, *(v for eqn in jaxpr.eqns for v in eqn.invars)) if not isinstance(v, Literal)}
-        used = [v for v in given if v in read]
+        return _stood(self.flag, self._kind, stage, arguments)
 
-        def flat(*operands: Any) -> Sequence[Any]:
-            there = dict(zip(used, operands, strict=True))
-            consts, arguments = ([there.get(v) for v in each] for each in (jaxpr.constvars, jaxpr.invars))
-            outs = jaxpr_as_fun(ClosedJaxpr(jaxpr, consts))(*arguments)
-            return [outs[k] for k in made]
+    def as_function(self, stage: Callable[..., Any], *arguments: Any) -> Any:
+        """A large stage, walls in it included, that XLA compiles to one function instead of a kernel for each loop.
 
-        reach = _reach(jaxpr, used)
-        about = dict(shapes=tuple(closed.out_avals[k] for k in made), reach=tuple(reach[k] for k in made))
-        outs = wall_p.bind(self.flag, *(given[v] for v in used), stage=flat, gated=own, **about)
-        found = dict(zip(made, outs, strict=True))
-        every = (found[k] if k in found else given[v] for k, v in enumerate(jaxpr.outvars))
-        return jax.tree.unflatten(jax.tree.structure(shapes), every)
+        Where it may be one (see `kernels.one_function`); otherwise it is a wall like others. No gate.
+        """
+        return stage(*arguments) if self.flag is None else _stood(True, "function", stage, arguments)
 
     def linear(
         self, stage: Callable[[Any, Any], Any], transpose: Callable[[Any, Any], Any], constants: Any, x: Any
@@ -103,7 +96,7 @@ class Wall:
         closed, shapes = jax.make_jaxpr(stage, return_shape=True)(constants, x)
         out = jax.tree.structure(shapes)
         reach = _reach(closed.jaxpr, _inputs(closed.jaxpr))
-        about = dict(shapes=tuple(closed.out_avals), reach=reach, gated=self.flag is not True)
+        about = dict(shapes=tuple(closed.out_avals), reach=reach, kind=self._kind)
         outs = wall_p.bind(self.flag, *fixed, *varied, stage=flat, back=Back(pulled, count), **about)
         return out.unflatten(outs)
 
@@ -117,6 +110,37 @@ class Back(NamedTuple):
 
 no_wall = Wall(None)
 apart = Wall(True)
+
+
+def _stood(flag: Any, kind: Kind, stage: Callable[..., Any], arguments: Any) -> Any:
+    """Binds the primitive: what a stage neither reads nor makes passes by it."""
+    leaves, tree = jax.tree.flatten(arguments)
+    closed, shapes = jax.make_jaxpr(lambda *leaves: stage(*tree.unflatten(leaves)), return_shape=True)(*leaves)
+    operands = (*closed.consts, *leaves)  # the first: what the stage got from its surroundings, not by argument
+    jaxpr, given = closed.jaxpr, dict(zip(_inputs(closed.jaxpr), operands, strict=True))
+    # what is handed through is no result of a wall; behind a gate it is, as it becomes zero where that is closed
+    own = kind == "gated"
+    made = [k for k, v in enumerate(jaxpr.outvars) if own or isinstance(v, Literal) or v not in given]
+    ends = [jaxpr.outvars[k] for k in made]
+    read = {v for v in (*ends, *(v for eqn in jaxpr.eqns for v in eqn.invars)) if not isinstance(v, Literal)}
+    # constants are part of a function: XLA puts them where they are used, and an operand that nothing uses stops it
+    known = {v: x for v, x in given.items() if kind == "function" and not isinstance(x, Tracer)}
+    used = [v for v in given if v in read and v not in known]
+
+    def flat(*operands: Any) -> Sequence[Any]:
+        there = known | dict(zip(used, operands, strict=True))
+        consts, arguments = ([there.get(v) for v in each] for each in (jaxpr.constvars, jaxpr.invars))
+        outs = jaxpr_as_fun(ClosedJaxpr(jaxpr, consts))(*arguments)
+        return [outs[k] for k in made]
+
+    flat.jaxpr = jaxpr
+
+    reach = _reach(jaxpr, used)
+    about = dict(shapes=tuple(closed.out_avals[k] for k in made), reach=tuple(reach[k] for k in made))
+    outs = wall_p.bind(flag, *(given[v] for v in used), stage=flat, kind=kind, **about)
+    found = dict(zip(made, outs, strict=True))
+    every = (found[k] if k in found else given[v] for k, v in enumerate(jaxpr.outvars))
+    return jax.tree.unflatten(jax.tree.structure(shapes), every)
 
 
 def _inputs(jaxpr: Any) -> tuple[Var, ...]:
@@ -146,14 +170,16 @@ wall_p.multiple_results = True
 
 
 @wall_p.def_impl
-def _run(flag: Any, *operands: Any, stage: Flat, shapes: tuple[Any, ...], gated: bool, **_: Any) -> list[Any]:
-    def wall(*operands: Any) -> list[Any]:
-        with set_xla_metadata(inlineable=None):  # what the stage calls is part of it
-            return list(stage(*operands))
+def _run(flag: Any, *operands: Any, stage: Flat, shapes: tuple[Any, ...], kind: Kind, **_: Any) -> list[Any]:
+    marked = kind == "function" and one_function.fits(stage, operands)
 
-    if not gated:
-        with set_xla_metadata(inlineable="false"):
-            return jax.jit(wall)(*operands)
+    def wall(*operands: Any) -> tuple[list[Any], Sequence[Any]]:
+        with set_xla_metadata(**dict.fromkeys(("inlineable", one_function.MARK))):  # what a stage calls is part of it
+            return list(stage(*operands)), operands if marked else ()
+
+    if kind != "gated":
+        with set_xla_metadata(inlineable="false", **({one_function.MARK: "true"} if marked else {})):
+            return jax.jit(wall)(*operands)[0]
 
     def nothing(*_: Any) -> list[Any]:
         return [jnp.zeros(shape.shape, shape.dtype) for shape in shapes]
@@ -170,14 +196,14 @@ def _shapes(*_: Any, shapes: tuple[Any, ...], **__: Any) -> tuple[Any, ...]:
 
 
 def _jvp(
-    primals: Any, tangents: Any, *, stage: Flat, shapes: Any, reach: Any, gated: bool, back: Back | None = None
+    primals: Any, tangents: Any, *, stage: Flat, shapes: Any, reach: Any, kind: Kind, back: Back | None = None
 ) -> tuple[list[Any], list[Any]]:
     """The stage, and behind another wall its derivative along those tangents that are not zero."""
     flag, *operands = primals
     felt: frozenset[int] = frozenset().union(*reach)
     along = [i for i, tangent in enumerate(tangents[1:]) if i in felt and not isinstance(tangent, ad.Zero)]
     moved = [k for k, own in enumerate(reach) if own.intersection(along)]
-    bind = functools.partial(wall_p.bind, flag, gated=gated)
+    bind = functools.partial(wall_p.bind, flag, kind=kind)
     outs = bind(*operands, stage=stage, shapes=shapes, reach=reach, back=back)
     if back is not None and along and along[0] >= back.count:
         varied = [ad.instantiate_zeros(tangent) for tangent in tangents[1 + back.count :]]
@@ -213,7 +239,7 @@ def _transpose(
     stage: Flat,
     shapes: Any,
     reach: Any,
-    gated: bool,
+    kind: Kind,
     back: Back | None = None,
 ) -> list[Any]:
     """Cotangents of the operands in which the stage is linear, behind a wall."""
@@ -224,10 +250,10 @@ def _transpose(
     avals = tuple(operands[i].aval for i in linear)
     known = [operand for i, operand in enumerate(operands) if i not in unknown]
     given = (*known, *(cotangents[k] for k in felt))
-    about = dict(shapes=avals, reach=(frozenset(range(len(given))),) * len(linear), gated=gated)
+    about = dict(shapes=avals, reach=(frozenset(range(len(given))),) * len(linear), kind=kind)
     if back is not None and unknown[0] >= back.count:
         every = [ad.instantiate_zeros(cotangent) for cotangent in cotangents]
-        return [None, *_told(flag, operands[: back.count], every, operands[back.count :], back, stage, gated)]
+        return [None, *_told(flag, operands[: back.count], every, operands[back.count :], back, stage, kind)]
     zeros = {i: ad.Zero(operands[i].aval) for i in unknown}
     if not linear:
         return [None, *(zeros.get(i) for i in range(len(operands)))]
@@ -238,10 +264,10 @@ def _transpose(
     return [None, *(pulled.get(i) for i in range(len(operands)))]
 
 
-def _told(flag: Any, fixed: Any, cotangents: Any, varied: Any, back: Back, stage: Flat, gated: bool) -> Sequence[Any]:
+def _told(flag: Any, fixed: Any, cotangents: Any, varied: Any, back: Back, stage: Flat, kind: Kind) -> Sequence[Any]:
     """Cotangents of all operands, as `back` has them; of those that are known nobody asks."""
     avals = tuple(x.aval if ad.is_undefined_primal(x) else jax.typeof(x) for x in varied)
-    about = dict(shapes=avals, reach=(frozenset(range(len(fixed) + len(cotangents))),) * len(avals), gated=gated)
+    about = dict(shapes=avals, reach=(frozenset(range(len(fixed) + len(cotangents))),) * len(avals), kind=kind)
     outs = wall_p.bind(flag, *fixed, *cotangents, stage=back.transpose, back=Back(stage, back.count), **about)
     asked = [out if ad.is_undefined_primal(x) else None for out, x in zip(outs, varied, strict=True)]
     return [*(None for _ in fixed), *asked]
@@ -272,7 +298,7 @@ def _pulled(
 
 
 def _batched(
-    operands: Any, axes: Any, *, stage: Flat, shapes: Any, reach: Any, gated: bool, back: Back | None = None
+    operands: Any, axes: Any, *, stage: Flat, shapes: Any, reach: Any, kind: Kind, back: Back | None = None
 ) -> tuple[list[Any], list[int]]:
     size = next(x.shape[axis] for x, axis in zip(operands, axes, strict=True) if axis is not None)
     if back is not None:  # what varies is mapped along its first axis, and so will be its cotangents
@@ -287,7 +313,7 @@ def _batched(
         outs = [jnp.where(flags.reshape(-1, *(1,) * (x.ndim - 1)), x, jnp.zeros_like(x)) for x in mapped(*operands[1:])]
         return outs, [0] * len(shapes)
     wider = tuple(out.update(shape=(size, *out.shape)) for out in shapes)
-    about = dict(shapes=wider, reach=reach, gated=gated, back=back)
+    about = dict(shapes=wider, reach=reach, kind=kind, back=back)
     return wall_p.bind(*operands, stage=mapped, **about), [0] * len(shapes)
 
 

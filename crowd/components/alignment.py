@@ -23,7 +23,7 @@ from kernels import chain_ik, foot_alignment, ik, quat
 from kernels.foot_alignment import STRAIGHT
 from kernels.footprint import tilted
 from kernels.trig import sin_cos
-from kernels.vec import TINY, dot, unit
+from kernels.vec import TINY, axis, dot, unit
 from kernels.wall import Wall
 
 MOST_DROP = 0.5  # of the legs' length in the clip: how far the hips come down at most
@@ -150,7 +150,7 @@ def _weighted(
 ) -> _Base:
     """Footbases between the clip's and the gait's own, no further from the clip's than allowed (4.11)."""
     share = stride.alignment
-    vertical = jnp.zeros_like(stride.base.normal).at[1].set(1.0)
+    vertical = axis(stride.base.normal, 1)
     normal = unit(vertical + (stride.base.normal - vertical) * share)
     turn = stride.turn * share
     size = jnp.sqrt(dot(stride.base.sole, stride.base.sole) + TINY)

@@ -18,7 +18,7 @@ from crowd.params import Character, Params
 from crowd.state import State
 from kernels import arm_limits, controllers, ik, quat
 from kernels.rows import parted, picked
-from kernels.vec import TINY, dot, plus, smoothstep, unit
+from kernels.vec import TINY, axis, dot, plus, smoothstep, unit, with_row
 from kernels.wall import Wall
 
 FADE = 0.3  # of the arm's length: depth of the hand over which the response fades in
@@ -123,10 +123,10 @@ def _goal(
     rise = 0.5 * (short + jnp.sqrt(short * short + (0.1 * size) ** 2))
     outward = quat.rotate(quat.about_y(state.yaw)[:, None], assets.arm_outward)
     goal = hand + outward * (ASIDE * size * response)
-    goal = goal.at[1].add(rise * response)
+    goal = with_row(goal, 1, goal[1] + rise * response)
     upper, reach = elbow - shoulder, hand - shoulder
     bent = upper - dot(upper, reach) / (dot(reach, reach) + TINY) * reach
-    aside = outward.at[1].add(ELBOW_UP) * size
+    aside = with_row(outward, 1, outward[1] + ELBOW_UP) * size
     pole = bent + (aside - bent) * response + 0.02 * size * outward
     return _Goal(shoulder, upper, hand - elbow, goal, pole, response)
 
@@ -156,7 +156,7 @@ def _bent(goal: _Goal) -> tuple[Array, Array]:
 def _turns(goal: _Goal, elbow: Array, hand: Array) -> tuple[Array, Array]:
     """Turns [4, A, n] of upper arm and forearm: none while the hand is dry, the clip's arms then stay as they are."""
     fade = jnp.clip(goal.response * WHOLE, 0.0, 1.0)
-    identity = jnp.zeros((4, *fade.shape), fade.dtype).at[0].set(1.0)
+    identity = axis(jnp.zeros((4, *fade.shape), fade.dtype), 0)
     upper = quat.between(unit(goal.upper), unit(elbow - goal.shoulder))
     lower = quat.between(unit(goal.lower), unit(hand - elbow))
     return (

@@ -19,7 +19,7 @@ from crowd.state import State
 from kernels import ik, quat
 from kernels.rows import parted, picked
 from kernels.trig import sin_cos
-from kernels.vec import TINY, dot, unit
+from kernels.vec import TINY, axis, dot, unit
 from kernels.wall import Wall
 
 STRETCH = 0.998  # of a leg's length: the body comes down when a leg would need more
@@ -180,7 +180,7 @@ def _levelled(state: State, slope: Array) -> Array:
     unpitch = jnp.stack([c, cos * s, 0 * s, -sin * s])[:, None]
     unpitch = quat.multiply(quat.about_y(state.gait.foot_yaw - state.yaw), unpitch)
     up = unit(jnp.stack([-slope[0], jnp.ones_like(slope[0]), -slope[1]]))
-    flat = jnp.zeros_like(up).at[1].set(1.0)
+    flat = axis(up, 1)
     return quat.multiply(quat.between(flat, up), unpitch)
 
 

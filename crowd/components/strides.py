@@ -23,7 +23,7 @@ from kernels import body_tilt, controllers, flight, leg_cycle
 from kernels.flight import Footbase
 from kernels.footprint import Footprint, about
 from kernels.trig import sin_cos
-from kernels.vec import TINY
+from kernels.vec import TINY, with_row
 from kernels.wall import Wall
 
 FASTEST_FACING = 10.0  # rad/s
@@ -222,7 +222,7 @@ def _stride(
         base = base._replace(position=clearance.kept(herd, character, state, base.position, base.sole, flown, wall))
     if layout.regions and "high_step" in herd.responses:
         high = wall(_high, character, depth, base.position[1], before, after, flown)
-        base = base._replace(position=base.position.at[1].set(high))
+        base = base._replace(position=with_row(base.position, 1, high))
     turn = wall(lambda base, yaw: base.yaw - yaw, base, state.yaw)
     return leaning, ground_up, base, up, (planted, lifted, flown, turn)
 
