@@ -18,10 +18,11 @@ EXTRA = ("xla_cpu_disable_loop_unrolling", "xla_cpu_disable_tiled_emitter", "xla
 # rounded once, and a character's bits depend on its tile. Takes a seventh off compiling, and nothing off the speed.
 ONE_VECTOR = "-force-vector-interleave=1"
 
-# XLA runs a program kernel by kernel, and starting one costs as much as 128 characters' arithmetic in it. A loop that
-# it thinks small becomes one function instead, with all that the loop calls: so every loop is small here, the one over
-# tiles with it. What has no place in such a function keeps its loop out of it: matrix products, scatters, sorts,
-# custom calls. `tests/crowd/test_one_function.py` holds the steps to that.
+# XLA runs a program kernel by kernel, and starting one costs as much as 128 characters' arithmetic in it. A run's steps
+# are marked to be one function each (`kernels.one_function`). In other programs, gradients above all, whole loops are:
+# a loop that XLA thinks small becomes one function with all that it calls, so every loop is small here. What has no
+# place in such a function keeps its loop out of it: matrix products, scatters, sorts, custom calls.
+# `tests/crowd/test_one_function.py` holds steps and gradients to that.
 ONE_FUNCTION = f"xla_cpu_small_while_loop_byte_threshold={2**62}"
 
 # Threads among which XLA splits the work of one kernel. The arrays of a tile are small: handing them over costs more
@@ -42,8 +43,9 @@ def options(one_function: bool = True) -> dict[str, int | str]:
     on an AMD EPYC of family 26); processors without them ignore it. Copies that are not needed are looked for harder:
     the mesh of the frame before is copied once, not twice.
 
-    one_function: otherwise loops run kernel by kernel, as a profiler wants them. That compiles faster where a loop is
-    long, above all backwards (a gradient in 25 s instead of 60, and runs for 1.6 times as long).
+    one_function: of every loop. Otherwise only what is marked is one function, as steps of a run are, and the rest runs
+    kernel by kernel. That compiles faster where a loop is long, above all backwards (a gradient in 25 s instead of 60,
+    and runs for 1.6 times as long).
     """
     if jax.default_backend() != "cpu":
         return {}

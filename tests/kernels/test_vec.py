@@ -61,6 +61,25 @@ def test_zero_vector() -> None:
     assert_gradient_finite(vec.unit, zero)
 
 
+@pytest.mark.parametrize("batch", BATCHES)
+@pytest.mark.parametrize("row", [0, 2])
+def test_rows_by_number(row: int, batch: tuple[int, ...]) -> None:
+    rng = np.random.default_rng(4)
+    v, value = rng.normal(size=(3, *batch)), rng.normal(size=batch)
+    replaced, unit = v.copy(), np.zeros_like(v)
+    replaced[row], unit[row] = value, 1.0
+    assert_matches(lambda v, value: vec.with_row(v, row, value), replaced, v, value)
+    assert_matches(lambda v: vec.axis(v, row), unit, v)
+    if batch == BATCHES[-1]:
+        assert_gradients_agree(lambda v, value: vec.with_row(v, row, value), v, value)
+
+
+def test_not_a_number_stays_in_its_row() -> None:
+    v, value = np.ones((3, 2)), np.array([np.nan, 2.0])
+    assert np.isnan(in_single(lambda v, value: vec.with_row(v, 1, value), v, value)).sum() == 1
+    assert in_single(lambda v: vec.axis(v, 1), v * np.nan).tolist() == [[0, 0], [1, 1], [0, 0]]
+
+
 def test_smoothstep() -> None:
     inside = np.linspace(0.01, 0.99, 12)
     assert_matches(vec.smoothstep, inside**2 * (3 - 2 * inside), inside)
