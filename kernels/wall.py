@@ -69,9 +69,9 @@ class Wall:
     def as_function(self, stage: Callable[..., Any], *arguments: Any) -> Any:
         """A large stage, walls in it included, that XLA compiles to one function instead of a kernel for each loop.
 
-        Where it may be one (see `kernels.one_function`); otherwise it is a wall like others. No gate.
+        Where it may be one (see `kernels.one_function`); otherwise, or behind a gate, it is a wall like others.
         """
-        return stage(*arguments) if self.flag is None else _stood(True, "function", stage, arguments)
+        return _stood(True, "function", stage, arguments) if self.flag is True else self(stage, *arguments)
 
     def linear(
         self, stage: Callable[[Any, Any], Any], transpose: Callable[[Any, Any], Any], constants: Any, x: Any

@@ -131,3 +131,9 @@ def test_a_function_has_derivatives() -> None:
     for way in (jax.grad, jax.jacfwd, lambda f: jax.vmap(jax.grad(f))):
         found, right = (jax.jit(way(lambda x, wall=wall: loss(wall, x)))(x) for wall in (apart, no_wall))
         np.testing.assert_allclose(found, right, rtol=1e-6)
+
+
+def test_behind_a_closed_gate_it_is_left_out() -> None:
+    closed = jax.jit(lambda x, flag: apart.gate(flag).as_function(lambda x: 2.0 * x, x))
+    assert closed(jnp.ones(3), False).tolist() == [0, 0, 0]
+    assert closed(jnp.ones(3), True).tolist() == [2, 2, 2]
