@@ -59,8 +59,9 @@ def _begun(job: Job) -> list[int]:
     pinned = pin(job.case.devices) if job.platform == "cpu" else []
     import jax
 
-    from crowd import compile_cache
+    from crowd import compile_cache, kept_memory
 
+    kept_memory.keep()
     if job.platform == "cpu":
         jax.config.update("jax_platforms", "cpu")
         jax.config.update("jax_num_cpu_devices", job.case.devices)

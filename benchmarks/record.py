@@ -77,13 +77,15 @@ def measure(place: Place, mode: Mode, frames: int, folder: Path, crowd: Case = C
     if place.cores:
         jax.config.update("jax_platforms", "cpu")
         jax.config.update("jax_num_cpu_devices", place.devices)
-    from crowd import compile_cache
+    from crowd import compile_cache, kept_memory
     from crowd.build import build
     from crowd.recording import Recorder
+    from crowd.recording_layout import HERD, ROOT
     from crowd.recording_thread import Writing
     from crowd.scene import load
     from crowd.simulate import CHUNK, stream
 
+    kept_memory.keep()
     compile_cache.enable()
     scene = load(scenario(crowd) | {"record": {"rate_hz": mode.rate, "pose": mode.pose}})
     program = build(scene, place.devices)
@@ -108,7 +110,8 @@ def measure(place: Place, mode: Mode, frames: int, folder: Path, crowd: Case = C
         for chunk in chunks:
             recorded, stepped = recorded + len(chunk.time), stepped + chunk.frames
         ended, processor = time.perf_counter(), time.process_time()
-    raw = sum(array.nbytes for arrays in first.herds.values() for array in arrays.values()) / len(first.time)
+    columns = ROOT | HERD
+    raw = sum(a[name].nbytes for a in first.herds.values() for name in a if name in columns) / len(first.time)
     return {
         "wall_s": ended - began,
         "cpu_s": processor - used,
@@ -141,7 +144,7 @@ def _watched() -> dict[str, float]:
         setattr(module, function, timed)
 
     watch(simulate, "unpacked", "unpack")
-    watch(unpack.Unpacked, "__getitem__", "unpack")
+    watch(unpack.Unpacked, "parts", "unpack")
     watch(recording_array, "encoded", "compress")
     watch(recording_array, "stored", "files")
     return spent

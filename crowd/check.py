@@ -116,7 +116,7 @@ def _way(herd: HerdScene, seconds: float) -> np.ndarray:
 
 def _needs(scene: Scene, herd: HerdScene, frames: int) -> HerdNeeds:
     archetype, scenario = herd.archetype, scene.scenario
-    joints, legs = archetype.skeleton.count, len(archetype.legs)
+    joints, legs, moving = archetype.skeleton.count, len(archetype.legs), len(herd.moving)
     recorded = math.ceil(frames / (scenario.rate_hz // scenario.record.rate_hz))
     pose = scenario.record.pose
     padded = math.ceil(herd.count / TILE) * TILE
@@ -125,12 +125,12 @@ def _needs(scene: Scene, herd: HerdScene, frames: int) -> HerdNeeds:
     trajectory = 0 if herd.track is None else 5 * len(herd.track.place)
     lasting = 4 * padded * (100 + 40 * legs + trajectory)
     if herd.model.detail is not None and herd.model.detail.every > 1:  # what is shown lies between two frames
-        lasting += 2 * recording_bytes(padded, joints, legs, 1, pose)
-    chunk = CHUNKS * recording_bytes(padded, joints, legs, min(recorded, CHUNK), pose)
+        lasting += 2 * recording_bytes(padded, joints, legs, 1, pose, moving)
+    chunk = CHUNKS * recording_bytes(padded, joints, legs, min(recorded, CHUNK), pose, moving)
     tile = 4 * TILE * (24 * joints + 9 * len(herd.drag_mesh.vertices) + 12 * len(herd.drag_mesh.triangles))
     x, z = herd.points.T
     depth = float((scene.surface(x, z) - scene.ground(x, z)).max())
-    recording = recording_bytes(herd.count, joints, legs, recorded, pose)
+    recording = recording_bytes(herd.count, joints, legs, recorded, pose, moving)
     return HerdNeeds(herd, lasting + chunk + tile, recording, max(depth, 0.0))
 
 

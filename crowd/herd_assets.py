@@ -10,20 +10,19 @@ import numpy as np
 from crowd import posing
 from crowd.analysis.gait import Gait, feet
 from crowd.assets import HerdAssets
+from crowd.clip_tables import SAMPLES, poses, sampled
 from crowd.herd_responses import chosen_responses
 from crowd.layout import Faces, HerdLayout, Pace
 from crowd.leg_responses import near_legs, partners
 from crowd.mesh_assets import blocks, influences, upwards
-from crowd.resampling import resample, resample_rotation
 from crowd.scenario_control import Facing, turn_rate
 from crowd.scenario_detail import Detail
-from crowd.scene import SAMPLES, HerdScene
+from crowd.scene import HerdScene
 from crowd.stride_assets import FLIGHT_SAMPLES, chains, motion_layout, stride_assets
 from crowd.tree import StaticArray
 from crowd.types import Archetype, Clip
 
 CROUCH = 0.85  # of the hips' rest height: how low the body comes for a long stride
-MOVING = 1e-4  # m: a joint whose translation varies less is rigid
 STEP = 0.4  # of the height of the hips: half a common step
 
 
@@ -45,7 +44,7 @@ def herd_layout(herd: HerdScene) -> HerdLayout:
         shoulders=tuple(arm.shoulder for arm in rig.arms),
         elbows=tuple(arm.elbow for arm in rig.arms),
         hands=tuple(arm.hand for arm in rig.arms),
-        moving=tuple(int(joint) for joint in np.flatnonzero(_moving(herd))),
+        moving=herd.moving,
         gaits=len(herd.gaits),
         motions=motion_layout(herd),
         extras=tuple(clip.cyclic for clip in herd.extras) if strides else (),
@@ -82,8 +81,8 @@ def _spread(stand: np.ndarray, height: float) -> float:
 def herd_assets(herd: HerdScene) -> HerdAssets:
     """Device tables of a herd; shapes are those of `herd_layout`."""
     rig, gaits = herd.archetype, herd.gaits
-    idle_rotation, idle_translation = _clip_tables(herd.idle)
-    poses = _poses(herd)
+    idle_rotation, idle_translation = sampled(herd.idle)
+    tables = poses(herd)
     _, at_rest = posing.world_transforms(rig.skeleton, posing.rest_motion(rig.skeleton))
     stand, _ = feet(rig, idle_rotation, idle_translation)
     pivot_height = max(float(at_rest[[leg.hip for leg in rig.legs], 1].mean()), 0.05)
@@ -94,8 +93,8 @@ def herd_assets(herd: HerdScene) -> HerdAssets:
     waypoints = herd.model.waypoints.points_m if herd.model.waypoints else np.zeros((0, 2))
     return HerdAssets(
         rest_translation=_array(rig.skeleton.rest_translation.T[..., None]),
-        rotation_table=_array(np.concatenate(_one_hemisphere([q for q, _ in poses])).swapaxes(1, 2)),
-        translation_table=_array(np.concatenate([t for _, t in poses])[:, _moving(herd)].swapaxes(1, 2)),
+        rotation_table=_array(np.concatenate(_one_hemisphere([q for q, _ in tables])).swapaxes(1, 2)),
+        translation_table=_array(np.concatenate([t for _, t in tables])[:, list(herd.moving)].swapaxes(1, 2)),
         idle_rate=_array(np.array(1.0 / herd.idle.duration)),
         period=_array(np.array([gait.period for gait in gaits])),
         speed=_array(np.array([gait.speed for gait in gaits])),
@@ -144,26 +143,6 @@ def _faces(herd: HerdScene) -> Faces:
 def _array(values: np.ndarray) -> Any:
     """On the host: `build` sends everything to the device at once."""
     return np.asarray(values, np.float32)
-
-
-def _moving(herd: HerdScene) -> np.ndarray:
-    """[J] joints whose translation leaves the rest pose's somewhere in the clips."""
-    rest = herd.archetype.skeleton.rest_translation
-    return np.any([np.abs(table - rest).max((0, 2)) > MOVING for _, table in _poses(herd)], axis=0)
-
-
-def _poses(herd: HerdScene) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Rotations [S, J, 4] and translations [S, J, 3] of every clip of the tables, in their order."""
-    if herd.motions:
-        return [motion.pose(SAMPLES) for motion in herd.motions] + [_clip_tables(clip) for clip in herd.extras]
-    return [(gait.rotation, gait.translation) for gait in herd.gaits] + [_clip_tables(herd.idle)]
-
-
-def _clip_tables(clip: Clip) -> tuple[np.ndarray, np.ndarray]:
-    """A clip sampled evenly; one that does not loop ends on its last frame."""
-    count = len(clip.rotation)
-    at = np.arange(SAMPLES) * (count / SAMPLES if clip.cyclic else (count - 1) / (SAMPLES - 1))
-    return resample_rotation(clip.rotation, at, clip.cyclic), resample(clip.translation, at, clip.cyclic)
 
 
 def _one_hemisphere(tables: list[np.ndarray]) -> list[np.ndarray]:

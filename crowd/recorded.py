@@ -49,6 +49,26 @@ class Stored:
         return np.asarray(self[:], dtype)
 
 
+@dataclass(frozen=True)
+class StoredTranslations(Stored):
+    """Places [time, character, joint, component] of all joints, of which only the moving ones are on disk."""
+
+    moving: tuple[int, ...]
+    rest: np.ndarray  # [J, 3] m
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return (self.frames, self.count, *self.rest.shape)
+
+    def __getitem__(self, key: Any) -> np.ndarray:
+        keys = key if isinstance(key, tuple) else (key,)
+        read = super().__getitem__(keys[:2])
+        out = np.empty((*read.shape[:-2], *self.rest.shape), read.dtype)
+        out[:] = self.rest
+        out[..., list(self.moving), :] = read
+        return out[(*(slice(None),) * (out.ndim - 2), *keys[2:])]
+
+
 def _selection(chosen: range | int) -> slice | int:
     """What to read for a range: the same places in increasing order."""
     if isinstance(chosen, int):
@@ -111,8 +131,12 @@ def open_recording(path: str | Path) -> Recording:
         count = int(_array(group, "character").shape[0])
         arrays = {n: Stored(_array(root, n), frames, first, count) for n in ROOT if n in root}
         arrays |= {n: Stored(_array(group, n), frames, 0, count) for n in HERD if n in group}
+        herd = _herd(name, group, count)
+        if "moving_translation" in arrays:
+            on_disk, rest = _array(group, "moving_translation"), herd.archetype.skeleton.rest_translation
+            arrays["joint_translation"] = StoredTranslations(on_disk, frames, 0, count, herd.moving, rest)
         herds[name] = StoredHerd(arrays)
-        described.append(_herd(name, group, count))
+        described.append(herd)
         first += count
     time = np.asarray(_array(root, "time")[:frames]) if "time" in root else np.zeros(0)
     scene = RecordedScene(tuple(described), _heights(root), list(attributes.get("levels") or []))
@@ -165,4 +189,5 @@ def _herd(name: str, group: zarr.Group, count: int) -> RecordedHerd:
     if "motion" in group:
         tables = (read("motion"), read("motion_velocity"), read("motion_keys"))
         motions = tuple(RecordedMotion(str(motion), *values) for motion, *values in zip(*tables, strict=True))
-    return RecordedHerd(name, archetype, count, read("scale"), read("mass"), read("reference_speed"), motions)
+    moving = tuple(read("moving").tolist())
+    return RecordedHerd(name, archetype, count, read("scale"), read("mass"), read("reference_speed"), moving, motions)

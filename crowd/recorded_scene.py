@@ -29,6 +29,10 @@ class HerdLike(Protocol):
     def mass(self) -> np.ndarray: ...
     @property
     def reference_speed(self) -> np.ndarray: ...
+    @property
+    def moving(self) -> tuple[int, ...]:
+        """Joints whose translation is animated."""
+        ...
 
 
 @runtime_checkable
@@ -59,6 +63,7 @@ class RecordedHerd:
     scale: np.ndarray
     mass: np.ndarray
     reference_speed: np.ndarray
+    moving: tuple[int, ...] = ()  # joints that do not stay at their place in the parent's frame
     motions: tuple[RecordedMotion, ...] = ()  # of a semi-procedural herd
 
 

@@ -43,6 +43,13 @@ class ChunkLike(Protocol):
     def herds(self) -> Mapping[str, Mapping[str, np.ndarray]]: ...
 
 
+@runtime_checkable
+class InParts(Protocol):
+    """Arrays of a herd in a chunk that can also be had in pieces along the characters."""
+
+    def parts(self, name: str) -> list[np.ndarray]: ...
+
+
 class Recorder:
     """Writes chunks as they come. Use as a context manager.
 
@@ -107,7 +114,11 @@ class Recorder:
         if water is not None:
             self._water = self._water or WaterRecorder(self._root, water)
             self._water.append(water)
-        position = self._values(chunk, None, "position")[..., [0, 2]].reshape(-1, 2)
+        for part in self._values(chunk, None, "position"):
+            self._note_places(part[..., [0, 2]].reshape(-1, 2))
+
+    def _note_places(self, position: np.ndarray) -> None:
+        """Where characters [., 2] have been, for the ground under them."""
         position = position[np.isfinite(position).all(1)]
         if len(position):
             self._low, self._high = np.minimum(self._low, position.min(0)), np.maximum(self._high, position.max(0))
@@ -132,19 +143,21 @@ class Recorder:
             for group in (*(herd.name for herd in self.scene.herds), ""):
                 zarr.consolidate_metadata(str(self.path), path=group or None, zarr_format=3)
 
-    def _values(self, chunk: ChunkLike, herd: str | None, name: str) -> np.ndarray:
-        """One array [t, ...] to write, of a herd or (None) of all, with its shape checked."""
+    def _values(self, chunk: ChunkLike, herd: str | None, name: str) -> list[np.ndarray]:
+        """One array [t, ...] to write, of a herd or (None) of all, in parts, with its shape checked."""
         if name == "time":
-            return np.asarray(chunk.time, np.float64)
-        parts = []
+            return [np.asarray(chunk.time, np.float64)]
+        found = []
         for one in self.scene.herds:
             if herd in (None, one.name):
-                value = np.asarray(chunk.herds.get(one.name, {}).get(name))
+                parts = _parts(chunk.herds.get(one.name, {}), name)
                 shape = (len(chunk.time), *(_sizes(one)[dim] for dim in (ROOT | HERD)[name].dims))
-                if value.shape != shape:
-                    raise ValueError(f"{one.name}.{name}: shape {value.shape}, expected {shape}")
-                parts.append(value)
-        return parts[0] if len(parts) == 1 else np.concatenate(parts, 1)
+                people = sum(part.shape[1] for part in parts if part.ndim > 1)
+                for part in parts:
+                    if (*part.shape[:1], people, *part.shape[2:]) != shape:
+                        raise ValueError(f"{one.name}.{name}: shape {part.shape}, expected {shape}")
+                found += parts
+        return found
 
     def _herd_columns(self, herd: HerdLike) -> dict[str, Column]:
         strides = bool(motions_of(herd))
@@ -249,9 +262,15 @@ def _refuse_names(scene: SceneLike) -> None:
             raise fail(f"herd {herd.name!r}", "has the name of an array of the recording; choose another")
 
 
+def _parts(arrays: Mapping[str, np.ndarray], name: str) -> list[np.ndarray]:
+    """An array of a herd along the characters; of a missing one, something without a shape."""
+    return arrays.parts(name) if isinstance(arrays, InParts) and name in arrays else [np.asarray(arrays.get(name))]
+
+
 def _sizes(herd: HerdLike) -> dict[str, int]:
     legs, joints = len(herd.archetype.legs), herd.archetype.skeleton.count
-    return SIZES | {"character": herd.count, "leg": legs, "joint": joints, "motion": len(motions_of(herd))}
+    moving = {"motion": len(motions_of(herd)), "moving": len(herd.moving)}
+    return SIZES | {"character": herd.count, "leg": legs, "joint": joints} | moving
 
 
 def _asked(scene: SceneLike, herd: HerdLike) -> set[str]:

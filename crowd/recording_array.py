@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from zarr.codecs import BloscCodec, TransposeCodec
 from crowd.recording_layout import Column
 
 BLOCK_BYTES = 2 << 20  # of one array, uncompressed: a good size for reading a few characters or a few moments
+TILE = 128  # characters: a block has some tiles, so that one that came from a CPU can be compressed as it is
 METADATA = "zarr.json"
 LEVEL = 1  # measured on poses: 2.5 GB/s on a core; zstd is five times slower for a tenth less
 
@@ -36,7 +38,7 @@ class GrowingArray:
         self.fill: Any = np.nan if np.issubdtype(column.dtype, np.floating) else 0
         each = int(np.prod(shape[1:], dtype=np.int64)) * self.dtype.itemsize
         first = shape[0] if shape else 0
-        self.people = int(np.clip(BLOCK_BYTES // max(span * each, 1), 1, max(first, 1)))
+        self.people = min(max(BLOCK_BYTES // max(span * each, 1) // TILE, 1) * TILE, max(first, 1))
         block = (span, *(max(size, 1) for size in (self.people, *shape[1:])[: len(shape)]))
         array = group.create_array(
             name,
@@ -56,19 +58,22 @@ class GrowingArray:
         stored(self._folder / METADATA, self._metadata(0))
         self._partial: np.ndarray | None = None  # the last block that came in pieces
 
-    def write(self, start: int, values: np.ndarray) -> None:
-        """Values [t, *shape] from frame `start` on, where the last ones ended. They are not seen before `extend`."""
+    def write(self, start: int, parts: Sequence[np.ndarray]) -> None:
+        """Values [t, *shape] from frame `start` on, where the last ones ended. They are not seen before `extend`.
+
+        parts: of the characters, one after the other. A part that is a block as it is gets compressed where it lies.
+        """
         if 0 in self.shape:
             return
-        values = values.transpose(_turned(range(values.ndim)))
-        done = 0
-        while done < len(values):
+        parts = [part.transpose(_turned(range(part.ndim))) for part in parts]
+        done, frames = 0, len(parts[0])
+        while done < frames:
             block, at = divmod(start + done, self.span)
-            count = min(self.span - at, len(values) - done)
-            piece = values[done : done + count]
+            count = min(self.span - at, frames - done)
+            pieces = [part[done : done + count] for part in parts]
             if count < self.span:
-                piece = self._completed(at, piece)
-            self._write_block(block, piece)
+                pieces = [self._completed(at, _joined(pieces))]
+            self._write_block(block, pieces)
             done += count
 
     def extend(self, frames: int) -> None:
@@ -98,20 +103,36 @@ class GrowingArray:
         block[at : at + len(piece)] = piece
         return block
 
-    def _write_block(self, number: int, values: np.ndarray) -> None:
-        """Block `number` along time, values [span, ..., character]: a file for every few characters."""
+    def _write_block(self, number: int, parts: Sequence[np.ndarray]) -> None:
+        """Block `number` along time, parts [span, ..., characters]: a file for every few characters."""
         name = f"c.{number}"
         if not self.shape:
-            stored(self._folder / name, encoded(values, self.dtype))
+            stored(self._folder / name, encoded(_joined(parts), self.dtype))
             return
         rest = ".0" * (len(self.shape) - 1)
         for first in range(0, self.shape[0], self.people):
-            piece = values[..., first : first + self.people]
+            piece = _cut(parts, first, first + self.people)
             if piece.shape[-1] < self.people:
                 whole = np.full((*piece.shape[:-1], self.people), self.fill, self.dtype)
                 whole[..., : piece.shape[-1]] = piece
                 piece = whole
             stored(self._folder / f"{name}.{first // self.people}{rest}", encoded(piece, self.dtype))
+
+
+def _cut(parts: Sequence[np.ndarray], first: int, end: int) -> np.ndarray:
+    """Characters `first` to `end` of parts [..., characters]; of one part no copy."""
+    ends = np.cumsum([part.shape[-1] for part in parts])
+    chosen = []
+    for part, after in zip(parts, ends.tolist(), strict=True):
+        before = after - part.shape[-1]
+        if first < after and before < end:
+            chosen.append(part[..., max(first - before, 0) : end - before])
+    return _joined(chosen)
+
+
+def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Parts [..., characters] as one array; of one part no copy."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, -1)
 
 
 def encoded(values: np.ndarray, dtype: np.dtype) -> bytes:

@@ -22,7 +22,7 @@ class Column:
 
 SIZES = {"component": 3, "quaternion": 4}
 LABELS = {"component": ("x", "y", "z"), "quaternion": ("w", "x", "y", "z")}
-FORMAT = "crowd-recording-1"
+FORMAT = "crowd-recording-2"
 GROUND = "_ground"  # group; no herd can have this name
 
 CHARACTER, VECTOR = ("character",), ("character", "component")
@@ -67,8 +67,11 @@ HERD: dict[str, Column] = {
     "joint_rotation": Column(
         ("character", "joint", "quaternion"), "1", "rotation of each joint to its parent, wxyz", optional=True
     ),
-    "joint_translation": Column(
-        ("character", "joint", "component"), "m", "place of each joint in its parent's frame, unscaled", optional=True
+    "moving_translation": Column(
+        ("character", "moving", "component"),
+        "m",
+        "place in the parent's frame, unscaled, of the joints `moving`; others stay at `rest_translation`",
+        optional=True,
     ),
 }
 

@@ -65,6 +65,8 @@ def _write_herd(group: zarr.Group, herd: HerdLike, first: int) -> None:
     fixed(group, "character", np.arange(first, first + herd.count, dtype=np.int32), CHARACTER_DIM)
     _labels(group, ("component", "quaternion"))
     fixed(group, "joint", _strings(skeleton.names), ("joint",))
+    moving = np.asarray(herd.moving, np.int32)
+    fixed(group, "moving", moving, ("moving",), "1", "joints that move in the parent's frame")
     fixed(group, "leg", _strings([leg.name for leg in archetype.legs]), ("leg",))
     if motions := motions_of(herd):
         fixed(group, "motion", _strings([motion.name for motion in motions]), ("motion",))

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd import check, compile_cache
+from crowd import check, compile_cache, kept_memory
 from crowd.drag_error import detail_rows
 from crowd.errors import fail
 from crowd.layout import TILE
@@ -56,6 +56,7 @@ def run_scenario(request: Request) -> Path:
     frames = _frames(request, scenario)
     out = request.out or Path("runs") / scenario.name
     refuse_foreign(out, "run", RECORDING)
+    kept_memory.keep()
     compile_cache.enable()
     devices = use_devices(request.devices, scenario)
     scene = load_scene(scenario)
@@ -110,8 +111,9 @@ def _refuse_too_large(found: check.Needs, out: Path) -> None:
             "memory", f"about {check.readable(found.memory)} are needed; this machine has {check.readable(memory)}"
         )
     free = shutil.disk_usage(existing(out)).free
-    if found.recording > 2 * free:  # recordings compress to about a half
-        message = f"the recording needs about {check.readable(found.recording // 2)}; {check.readable(free)} are free"
+    packed = found.recording * 3 // 4  # about what compression leaves
+    if packed > free:
+        message = f"the recording needs about {check.readable(packed)}; {check.readable(free)} are free"
         raise fail(str(out), f"{message}; record.rate_hz, record.pose or --seconds make it smaller")
 
 

@@ -54,10 +54,10 @@ class _Parts:
     cut_short: bool  # duration_s or frames came from an override: later events and pictures simply do not happen
 
 
-def recording_bytes(count: int, joints: int, legs: int, frames: int, pose: bool = True) -> int:
-    """Uncompressed size of a recording of `frames` recorded frames."""
+def recording_bytes(count: int, joints: int, legs: int, frames: int, pose: bool = True, moving: int = 1) -> int:
+    """Uncompressed size of a recording of `frames` recorded frames; moving: joints whose translation is animated."""
     scalars = 3 * 5 + 9 + legs * 11  # vectors, scalars, feet
-    return 4 * count * frames * (scalars + (7 + 7 * joints if pose else 0))
+    return 4 * count * frames * (scalars + (7 + 4 * joints + 3 * moving if pose else 0))
 
 
 def cross_checks(document: Document, data: dict[str, Any], table: FluidTable | None, folder: Path) -> list[Problem]:

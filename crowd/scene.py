@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from crowd import characters, courses, placement, wave_components
+from crowd import characters, clip_tables, courses, placement, wave_components
 from crowd import ground as grounds
 from crowd import scenario as scenarios
 from crowd.analysis.foot import Foot
@@ -34,7 +34,6 @@ from crowd.types import Archetype, Clip, Mesh
 from crowd.wave_components import Trains
 
 MOST_GAITS = 4
-SAMPLES = 64  # of every clip's table
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +67,15 @@ class HerdScene:
     @property
     def count(self) -> int:
         return len(self.scale)
+
+    @property
+    def moving(self) -> tuple[int, ...]:
+        """Joints whose translation is animated."""
+        return self._moving
+
+    @cached_property
+    def _moving(self) -> tuple[int, ...]:
+        return clip_tables.moving(self)
 
     @property
     def drag_mesh(self) -> Mesh:
@@ -253,7 +261,7 @@ def _numbers(motions: MotionSet, plays: Repertoire) -> tuple[int, ...]:
 
 def locomotion(archetype: Archetype, where: str) -> tuple[Gait, ...]:
     """Forward gaits of an archetype, slowest first; of nearly equal speeds only the first clip is kept."""
-    found = [analyse(archetype, clip, SAMPLES) for clip in archetype.clips if clip.role in ("walk", "run")]
+    found = [analyse(archetype, clip, clip_tables.SAMPLES) for clip in archetype.clips if clip.role in ("walk", "run")]
     usable: list[Gait] = []
     for gait in sorted(found, key=lambda gait: gait.speed):
         ahead = gait.speed > 0.02 * archetype.height and gait.direction[1] > 0.9

@@ -18,17 +18,29 @@ from crowd.state import StrideFrame
 class Unpacked(Mapping[str, np.ndarray]):
     """Arrays by name, some of them made whenever they are asked for and not kept."""
 
-    def __init__(self, arrays: dict[str, np.ndarray], made: dict[str, Callable[[], np.ndarray]]):
-        self._arrays, self._made = arrays, made
+    def __init__(
+        self,
+        arrays: dict[str, np.ndarray],
+        made: dict[str, Callable[[], np.ndarray]],
+        parts: dict[str, Callable[[], list[np.ndarray]]],
+    ):
+        self._arrays, self._made, self._parts = arrays, made, parts
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self._made[name]() if name in self._made else self._arrays[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._arrays or name in self._made  # a mapping's own way makes the array
 
     def __iter__(self) -> Iterator[str]:
         return itertools.chain(self._arrays, self._made)
 
     def __len__(self) -> int:
         return len(self._arrays) + len(self._made)
+
+    def parts(self, name: str) -> list[np.ndarray]:
+        """An array's characters in pieces one after the other, which are no copies where it still lies in tiles."""
+        return self._parts[name]() if name in self._parts else [self[name]]
 
 
 def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Sequence[Any], recorded: int) -> Unpacked:
@@ -37,10 +49,8 @@ def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Sequence[Any], 
     In memory characters stay last, as on the device: a recording lies on disk like that, and one copy is enough. Poses
     are made one by one when asked for: together they are most of a recording, and memory that is used again is faster.
     """
-    rotations, translations = (
-        [np.asarray(getattr(frame, name)) for _, frame in shown] for name in ("joint_rotation", "joint_translation")
-    )
-    shown = [(slim, dataclasses.replace(frame, joint_rotation=(), joint_translation=())) for slim, frame in shown]
+    rotations = [np.asarray(frame.joint_rotation) for _, frame in shown]
+    shown = [(slim, dataclasses.replace(frame, joint_rotation=())) for slim, frame in shown]
     slim, frame = jax.tree.map(lambda *leaves: _untiled(leaves, recorded, herd.count), *shown)
     flat = _level(slim["velocity"])
     out = dict(
@@ -71,13 +81,14 @@ def unpacked(herd: HerdScene, layout: Layout, which: int, shown: Sequence[Any], 
     if frame.strides is not None:
         out |= _strides(slim, frame.strides, layout.record_pose)
     if not layout.record_pose:
-        return Unpacked(out, {})
+        return Unpacked(out, {}, {})
     rest, moving = herd.archetype.skeleton.rest_translation, layout.herds[which].moving
+    translation = out["moving_translation"] = frame.joint_translation
     made = dict(
         joint_rotation=lambda: _untiled(rotations, recorded, herd.count),
-        joint_translation=lambda: _translations(rest, moving, _untiled(translations, recorded, herd.count)),
+        joint_translation=lambda: _translations(rest, moving, translation),
     )
-    return Unpacked(out, made)
+    return Unpacked(out, made, dict(joint_rotation=lambda: _tiles(rotations, recorded, herd.count)))
 
 
 def _strides(slim: dict[str, np.ndarray], frame: StrideFrame, footprints: bool) -> dict[str, np.ndarray]:
@@ -136,6 +147,13 @@ def _last(components: Sequence[np.ndarray]) -> np.ndarray:
     for number, component in enumerate(components):
         out[:, number] = component.transpose(0, *range(component.ndim - 1, 0, -1))
     return out.transpose(0, *range(out.ndim - 1, 0, -1))
+
+
+def _tiles(leaves: Sequence[np.ndarray], recorded: int, count: int) -> list[np.ndarray]:
+    """Views [t, 128, *components last] of each tile of [tiles, t, *components first, 128] of each device, unpadded."""
+    tiles = [tile[:recorded].transpose(0, *range(tile.ndim - 1, 0, -1)) for leaf in leaves for tile in leaf]
+    first = np.cumsum([0, *(tile.shape[1] for tile in tiles)])
+    return [tile[:, : count - at] for tile, at in zip(tiles, first, strict=False) if at < count]
 
 
 def _untiled(leaves: Sequence[Any], recorded: int, count: int) -> np.ndarray:

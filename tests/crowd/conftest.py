@@ -89,6 +89,7 @@ class MadeHerd:
     scale: np.ndarray
     mass: np.ndarray
     reference_speed: np.ndarray
+    moving: tuple[int, ...] = (0, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,13 +171,16 @@ def made_walk(scene: MadeScene, herd: MadeHerd, time: np.ndarray, first_x: float
             foot[..., 1] = lift + 0.1 * np.sin(np.pi * swing)[:, None]
     frame = (phase * len(clip.rotation)).astype(int) % len(clip.rotation)
     joints = (*shape, herd.archetype.skeleton.count)
+    translation = np.broadcast_to(clip.translation[frame][:, None], (*joints, 3)).copy()
+    translation[..., herd.moving, :] += 0.01 * np.sin(time[:, None, None, None])
     return out | feet | {
         "contact": contact,
         "over_reach": np.where(contact & (np.arange(herd.count)[:, None] == 0), 0.002, 0.0),
         "pose_position": position,
         "pose_orientation": np.broadcast_to([1.0, 0, 0, 0], (*shape, 4)),
         "joint_rotation": np.broadcast_to(clip.rotation[frame][:, None], (*joints, 4)),
-        "joint_translation": np.broadcast_to(clip.translation[frame][:, None], (*joints, 3)),
+        "joint_translation": translation,
+        "moving_translation": translation[..., herd.moving, :],
     }  # fmt: skip
 
 

@@ -39,7 +39,7 @@ ROOMS: list[tuple[str, ...]] = [
         "crowd.wave_components",
         "crowd.river_flow",
     ),
-    ("crowd.scene", "crowd.styles"),
+    ("crowd.scene", "crowd.styles", "crowd.clip_tables"),
     (
         "crowd.layout",
         "crowd.assets",
@@ -65,6 +65,7 @@ ROOMS: list[tuple[str, ...]] = [
         "crowd.live",
         "crowd.rollouts",
         "crowd.compile_cache",
+        "crowd.kept_memory",
         "crowd.compiler_options",
         "crowd.one_compile",
     ),

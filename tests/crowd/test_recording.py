@@ -29,7 +29,7 @@ def test_round_trip(made_result, recorded):
     assert np.allclose(recording.time, made_result.time)
     for name, herd in made_result.herds.items():
         usual = {array for array, column in HERD.items() if not (column.strides or column.asked)}
-        assert set(recording.herds[name]) == set(ROOT) | usual
+        assert set(recording.herds[name]) == set(ROOT) | usual | {"joint_translation"}
         for array, value in herd.items():
             stored = recording.herds[name][array]
             assert stored.shape == value.shape
@@ -47,7 +47,8 @@ def test_semi_procedural_round_trip(made_result, tmp_path):
         for chunk in made.chunks(30):
             recorder.append(chunk)
     recording = open_recording(tmp_path / "r.zarr")
-    assert set(recording.herds["ones"]) == set(ROOT) | {name for name, column in HERD.items() if not column.asked}
+    usual = {name for name, column in HERD.items() if not column.asked}
+    assert set(recording.herds["ones"]) == set(ROOT) | usual | {"joint_translation"}
     assert "weights" not in recording.herds["twos"]
     for array in (name for name, column in HERD.items() if column.strides):
         assert np.allclose(recording.herds["ones"][array][:], made.herds["ones"][array], atol=1e-5), array
@@ -68,6 +69,9 @@ def test_indexing_follows_numpy(made_result, recorded):
         assert stored[key].shape == value[key].shape, key
         assert np.allclose(stored[key], value[key], atol=1e-5), key
     assert np.asarray(stored).shape == value.shape
+    value, stored = (herds["twos"]["joint_translation"] for herds in (made_result.herds, recording.herds))
+    for key in (*keys, (every, every, 1, 0), (3, 1, slice(2, 4), slice(0, 2)), (every, 0, [0, 3], 1)):
+        assert np.array_equal(stored[key], value[key].astype(np.float32)), key
     with pytest.raises(IndexError):
         stored[80]
 
@@ -99,6 +103,8 @@ def test_opens_with_xarray(made_result, recorded):
     twos = xarray.open_zarr(recorded, group="twos")
     assert twos.joint_rotation.dims == ("time", "character", "joint", "quaternion")
     assert list(twos.character.values) == [3, 4]
+    assert twos.moving_translation.dims == ("time", "character", "moving", "component")
+    assert list(twos.joint.values[twos.moving.values]) == [twos.joint.values[0], twos.joint.values[3]]
     knee = twos.joint_rotation.sel(joint="knee_l", quaternion="x").isel(character=0)
     assert np.allclose(knee, made_result.herds["twos"]["joint_rotation"][:, 0, 4, 1], atol=1e-6)
     assert np.allclose(twos.ball.sel(time=1.0, leg="left"), made_result.herds["twos"]["ball"][20, :, 0], atol=1e-5)

@@ -31,10 +31,11 @@ def written(made: Any, path: Path, length: int) -> None:
 
 def assert_same(path: Path, herds: dict[str, dict[str, np.ndarray]], frames: int) -> None:
     recording = open_recording(path)
+    columns = ROOT | HERD | {"joint_translation": HERD["moving_translation"]}
     assert len(recording.time) == frames
     for name, arrays in recording.herds.items():
         for array, stored in arrays.items():
-            expected = herds[name][array][:frames].astype((ROOT | HERD)[array].dtype)
+            expected = herds[name][array][:frames].astype(columns[array].dtype)
             np.testing.assert_array_equal(stored[:], expected, err_msg=array)
 
 
@@ -45,6 +46,7 @@ def test_every_bit_is_there_however_it_is_cut(
     """Chunks that are and are not whole blocks, blocks of all characters and of some with one left over."""
     for size in (1 << 20, 6000):
         monkeypatch.setattr(recording_array, "BLOCK_BYTES", size)
+        monkeypatch.setattr(recording_array, "TILE", 1)
         written(made_result, tmp_path / PATH, length)
         assert_same(tmp_path / PATH, made_result.herds, 80)
     rotations = zarr.open_array(str(tmp_path / PATH / "ones" / "joint_rotation"), mode="r")
@@ -53,17 +55,24 @@ def test_every_bit_is_there_however_it_is_cut(
     np.testing.assert_array_equal(one, made_result.herds["ones"]["joint_rotation"][:, 2].astype(np.float32))
 
 
-def test_a_run_is_recorded_as_it_is_in_memory(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("length", "size"), [(7, 4 << 20), (10, 4 << 20), (10, 1)])
+def test_a_run_is_recorded_as_it_is_in_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, length: int, size: int
+) -> None:
+    """Chunks that are no whole blocks, blocks of all characters, and tiles compressed where they lie, one not full."""
+    monkeypatch.setattr(recording_array, "BLOCK_BYTES", size)
     record = {"rate_hz": 30, "pose": True}
     model = scenario([herd("people", "human", 130), herd("ants", "hexapod", 3, 0.5)], 0.4, record=record)
     loaded = scene.load(model)
     expected = simulate.simulate(loaded, frames=60, devices=1)
     with Recorder(tmp_path / PATH, loaded) as recorder, Writing(recorder) as writing:
-        for chunk in simulate.stream(loaded, 60, chunk=7, devices=1):
+        for chunk in simulate.stream(loaded, 60, chunk=length, devices=1):
             writing.append(chunk)
     assert np.ptp(expected.herds["people"]["joint_rotation"], axis=0).max() > 0.1
     assert expected.herds["people"]["joint_rotation"].flags.c_contiguous
     assert_same(tmp_path / PATH, expected.herds, 30)
+    blocks = list((tmp_path / PATH / "people" / "joint_rotation").glob("c.0.*"))
+    assert len(blocks) == (2 if size == 1 else 1)
     np.testing.assert_array_equal(open_recording(tmp_path / PATH).time, expected.time)
 
 
@@ -196,7 +205,7 @@ def test_blocks_of_a_broken_write_are_removed(made_result: Any, tmp_path: Path) 
     recorder.append(made_result.chunks(16)[0])
     for array in recorder._arrays.values():
         if array.span == 16:
-            array.write(16, np.zeros((16, *array.shape), array.dtype))
+            array.write(16, [np.zeros((16, *array.shape), array.dtype)])
     left = list((tmp_path / PATH).rglob("c.1*"))
     recorder.close(complete=False)
     assert left
