@@ -91,7 +91,7 @@ def measure(place: Place, mode: Mode, frames: int, folder: Path, crowd: Case = C
     program = build(scene, place.devices)
     spent = _watched()
     size, recorded, stepped = 0, 0, 0
-    path = folder / "recording.zarr"
+    path = folder / f"{os.getpid()}.zarr"
     chunks = stream(scene, frames, place.devices, max(1, min(CHUNK, mode.rate)), program)
     first = next(chunks)
     before = dict(spent)
@@ -105,7 +105,7 @@ def measure(place: Place, mode: Mode, frames: int, folder: Path, crowd: Case = C
                     writing.append(chunk)
                     recorded, stepped = recorded + len(chunk.time), stepped + chunk.frames
             ended, processor = time.perf_counter(), time.process_time()
-        size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+        size = _emptied(path)
     else:
         for chunk in chunks:
             recorded, stepped = recorded + len(chunk.time), stepped + chunk.frames
@@ -124,6 +124,19 @@ def measure(place: Place, mode: Mode, frames: int, folder: Path, crowd: Case = C
         "peak_rss": peak_memory(),
         "device": jax.devices()[0].device_kind,
     }
+
+
+def _emptied(recording: Path) -> int:
+    """Bytes of a recording, which are removed; its files stay until all runs are over.
+
+    ext4 does not reuse a file's number for minutes and steps over each, so that files of the next run would take five
+    times as long to make.
+    """
+    files = [file for file in recording.rglob("*") if file.is_file()]
+    size = sum(file.stat().st_size for file in files)
+    for file in files:
+        os.truncate(file, 0)
+    return size
 
 
 def _watched() -> dict[str, float]:
@@ -157,7 +170,8 @@ def compared(crowd: Case, rounds: int, frames: int = 640) -> Line:
     """
     place = Place(crowd.name, crowd.devices, min(crowd.devices + 1, len(cores())))
     orders = [(OFF, ON)[:: 1 if number % 2 else -1] for number in range(rounds)]
-    done = [{mode.name: _process(place, mode, frames, crowd) for mode in order} for order in orders]
+    with tempfile.TemporaryDirectory(prefix="crowd-record-") as folder:
+        done = [{mode.name: _process(place, mode, frames, folder, crowd) for mode in order} for order in orders]
     us = [[1e6 * each[name]["wall_s"] / each[name]["stepped"] / crowd.count for each in done] for name in ("on", "off")]
     return {
         "frames": frames,
@@ -179,9 +193,9 @@ def _cpu(line: Line) -> float:
     return line["cpu_s"] / line["stepped"]
 
 
-def _process(place: Place, mode: Mode, frames: int, crowd: Case = CROWD) -> Line:
+def _process(place: Place, mode: Mode, frames: int, folder: str, crowd: Case = CROWD) -> Line:
     job = json.dumps({"place": asdict(place), "mode": asdict(mode), "frames": frames, "crowd": asdict(crowd)})
-    command = [sys.executable, "-m", "benchmarks.record", "--job", job]
+    command = [sys.executable, "-m", "benchmarks.record", "--folder", folder, "--job", job]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=os.environ, check=False)
     if done.returncode:
         raise subprocess.CalledProcessError(done.returncode, command, done.stdout, done.stderr)
@@ -223,12 +237,17 @@ def main(
     job: Annotated[str, typer.Option(hidden=True)] = "",
 ) -> None:
     """Time a crowd with and without its recording."""
+    if job:
+        read = json.loads(job)
+        place_, mode = Place(**read["place"]), Mode(**read["mode"])
+        print(json.dumps(measure(place_, mode, read["frames"], folder or Path(), Case(**read["crowd"]))))
+        return
     with tempfile.TemporaryDirectory(prefix="crowd-record-", dir=folder) as out:
-        if job:
-            read = json.loads(job)
-            place_, mode = Place(**read["place"]), Mode(**read["mode"])
-            print(json.dumps(measure(place_, mode, read["frames"], Path(out), Case(**read["crowd"]))))
-            return
+        _table(place, rounds, frames, out)
+
+
+def _table(place: list[str] | None, rounds: int, frames: int, folder: str) -> None:
+    """All modes at the places asked for."""
     console = Console() if sys.stdout.isatty() else Console(width=160)
     here = machine()
     console.print(f"{here['cpu']}, {here['cores']} cores, load {here['load_1min']}, jax {here['jax']}")
@@ -237,7 +256,7 @@ def main(
             # every other round backwards: a machine that slows down while it works favours who comes first
             orders = [MODES[:: 1 if number % 2 else -1] for number in range(rounds)]
             try:
-                done = [{mode.name: _process(one, mode, frames) for mode in order} for order in orders]
+                done = [{mode.name: _process(one, mode, frames, folder) for mode in order} for order in orders]
             except subprocess.CalledProcessError as error:
                 raise SystemExit(error.stderr) from None
             show(one, done, console)
