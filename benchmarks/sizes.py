@@ -56,15 +56,15 @@ def _skinned(herd: Any, own: Any, character: Any, state: Any, depth: float) -> t
 
 
 def _rigid(herd: Any, own: Any, character: Any, state: Any, depth: float) -> tuple[float, float]:
-    """(triangles, blocks) of groups up to the last with a block whose sphere is under the surface on some character."""
+    """(triangles, blocks) of groups up to the last with a block whose box is under the surface on some character."""
     from kernels.drag_rigid import groups_of
 
     bones, mesh = herd.block_bones.values, own.rigid_mesh
     w, x, y, z, _, above, _ = np.moveaxis(np.asarray(state.previous)[:, :, bones], 1, 0)  # [tiles, blocks, n]
     up = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)  # vertical in the bone's frame
-    *centre, radius = np.asarray(mesh.bounds)
+    middle, half = np.split(np.asarray(mesh.bounds), 2)
     scale = np.asarray(character.scale)[:, None]
-    lowest = sum(u * c for u, c in zip(up, centre, strict=True)) - radius
+    lowest = sum(u * at - np.abs(u) * out for u, at, out in zip(up, middle, half, strict=True))
     height = above + scale * lowest + np.asarray(state.position)[:, 1:2]
     wet = np.any(height < depth, 2)  # [tiles, blocks]
     groups = groups_of(len(bones))

@@ -8,12 +8,12 @@ import numpy as np
 
 from crowd import posing
 from crowd.scene import HerdScene
-from crowd.types import Mesh
+from crowd.types import Clip, Mesh
 from kernels.drag_moments import RigidMesh
 from kernels.drag_rigid import padded_blocks, rigid_mesh
 
 BLOCK = 12  # triangles per block of the rigid mesh
-MOMENTS = 8  # of standing, over which heights are taken
+MOMENTS = 8  # of standing and of walking, over which heights are taken
 
 
 def influences(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
@@ -30,13 +30,20 @@ def influences(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     return joints, rows.transpose(1, 2, 0)
 
 
+def _moments(herd: HerdScene) -> tuple[np.ndarray, np.ndarray]:
+    """World rotations [m, J, 4] and positions [m, J, 3] of the joints while a character stands and walks."""
+    slowest, found = herd.gaits[0], []
+    for rotation, translation in ((herd.idle.rotation, herd.idle.translation), (slowest.rotation, slowest.translation)):
+        some = slice(None, None, max(1, len(rotation) // MOMENTS))
+        motion = posing.clip_motion(Clip("", "other", 1.0, rotation[some], translation[some]))
+        found.append(posing.world_transforms(herd.archetype.skeleton, motion))
+    return np.concatenate([turn for turn, _ in found]), np.concatenate([at for _, at in found])
+
+
 def _heights(herd: HerdScene) -> np.ndarray:
-    """[T] m, mean height of each triangle of a standing character."""
-    rig, idle = herd.archetype, herd.idle
-    motion = posing.clip_motion(idle)
-    every = max(1, len(idle.rotation) // MOMENTS)
-    vertices = posing.skin(herd.drag_mesh, *(x[::every] for x in posing.world_transforms(rig.skeleton, motion)))
-    return vertices[:, herd.drag_mesh.triangles, 1].mean((0, 2))
+    """[T] m, how low the lowest corner of each triangle comes while a character stands and walks."""
+    vertices = posing.skin(herd.drag_mesh, *_moments(herd))
+    return vertices[:, herd.drag_mesh.triangles, 1].min((0, 2))
 
 
 def upwards(herd: HerdScene) -> np.ndarray:
@@ -56,7 +63,7 @@ def blocks(herd: HerdScene) -> tuple[np.ndarray, RigidMesh]:
         mine = mine[np.argsort(height[mine], kind="stable")]
         for start in range(0, len(mine), BLOCK):
             part = mine[start : start + BLOCK]
-            found.append((height[part].mean(), bone, np.concatenate([part, np.full(BLOCK - len(part), -1)])))
+            found.append((height[part].min(), bone, np.concatenate([part, np.full(BLOCK - len(part), -1)])))
     found.sort(key=lambda block: block[0])
     spare = padded_blocks(len(found)) - len(found)
     index = np.array([triangles for _, _, triangles in found] + [np.full(BLOCK, -1)] * spare)

@@ -24,7 +24,7 @@ class RigidMesh(NamedTuple):
     corners: Array  # [3 corners, 3, blocks, size, 1]
     area: Array  # [3, blocks, size, 1] area vector; zero for padding
     moments: Array  # [blocks, 4, size]: rows 1, x, y, z of the centroids
-    bounds: Array  # [4, blocks, 1]: a sphere around each block, centre and radius
+    bounds: Array  # [6, blocks, 1]: a box around each block, along its bone's axes: middle and half sides
     readings: Array  # [blocks, 28, size]: what triangles take from the numbers of their bone, see `drag_backwards`
 
 

@@ -45,20 +45,23 @@ def rigid_mesh(corners: np.ndarray) -> RigidMesh:
         corners.transpose(2, 3, 0, 1)[..., None],
         area.transpose(2, 0, 1)[..., None],
         rows.transpose(0, 2, 1),
-        _spheres(corners, (area != 0).any(-1)).T[..., None],
+        _boxes(corners, (area != 0).any(-1)).T[..., None],
         backwards.readings(corners, area),
     )
     return RigidMesh(*fields)
 
 
-def _spheres(corners: np.ndarray, real: np.ndarray) -> np.ndarray:
-    """[blocks, 4] centre and radius of a sphere around the triangles of each block that are `real` [blocks, size]."""
-    out = np.tile([0.0, 0.0, 0.0, -1e6], (len(corners), 1))  # a block of padding is never wet
+def _boxes(corners: np.ndarray, real: np.ndarray) -> np.ndarray:
+    """[blocks, 6] middle and half sides of a box around the triangles of each block that are `real` [blocks, size].
+
+    A sphere would be cheaper by three products and reach far below triangles that lie around a trunk.
+    """
+    out = np.tile([0.0, 0.0, 0.0, -1e6, -1e6, -1e6], (len(corners), 1))  # a block of padding is never wet
     for block in np.flatnonzero(real.any(1)):
         points = corners[block][real[block]].reshape(-1, 3)
-        centre = 0.5 * (points.min(0) + points.max(0))
-        radius = np.linalg.norm(points - centre, axis=1).max()
-        out[block] = [*centre, 1.0001 * radius + 1e-4 * np.abs(points).max()]  # more than rounding takes
+        low, high = points.min(0), points.max(0)
+        spare = 1e-4 * np.abs(points).max()  # more than rounding takes
+        out[block] = [*(0.5 * (low + high)), *(0.50005 * (high - low) + spare)]
     return out
 
 
@@ -245,9 +248,10 @@ def _of_blocks(
 
 def _nearest(bounds: Array, surface: Array) -> Array:
     """[blocks, *b] depth of the lowest point that a triangle of the block may have, in the bone's unit."""
-    x, y, z, radius = bounds
+    x, y, z, along, across, aside = bounds
     ux, uy, uz, depth = jnp.unstack(surface, axis=1)
-    return depth - ux * x - uy * y - uz * z + radius
+    middle = depth - ux * x - uy * y - uz * z
+    return middle + jnp.abs(ux) * along + jnp.abs(uy) * across + jnp.abs(uz) * aside
 
 
 def _touched(groups: int, depth: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from kernels import drag, drag_skinned
-from kernels.drag_rigid import groups_of, rigid_mesh
+from kernels.drag_rigid import _nearest, groups_of, rigid_mesh
 from tests.kernels import meshes
 from tests.kernels.checks import (
     BATCHES,
@@ -211,6 +211,25 @@ def tall_body(kind: str) -> tuple[Callable[..., Any], tuple[Any, ...], np.ndarra
     at = transforms, rng.normal(size=(6, 1, 3)), np.array([1.0, 1.0, 1.0])
     ride = rigid(np.zeros(40, int), mode="paper", flag=True)
     return (lambda *at: ride(tuple(jnp.asarray(x) for x in mesh), *at)), at, vertices[:, 1]
+
+
+def test_boxes_reach_as_low_as_their_blocks() -> None:
+    """For blocks of any shape, turned in any way: never higher, and hardly lower for flat ones that lie level."""
+    rng = np.random.default_rng(8)
+    corners = rng.normal(size=(50, 8, 3, 3)) * rng.uniform(0.01, 2.0, (50, 1, 1, 3)) + rng.normal(size=(50, 1, 1, 3))
+    corners[:, 5:] = 0.0  # padding, which must not count
+    corners[-1] = 0.0
+    up = rng.normal(size=(50, 3, 200))
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    surface = np.concatenate([up, np.full((50, 1, 200), 0.3)], 1)
+    bounds = rigid_mesh(corners).bounds.astype(np.float32)
+    found = np.asarray(_nearest(jnp.asarray(bounds), jnp.asarray(surface, jnp.float32)))
+    lowest = 0.3 - np.einsum("btkc,bcn->btkn", corners[:, :5], up).min((1, 2))
+    assert (found[:-1] > lowest[:-1]).all()
+    assert (found[-1] < -1e5).all()
+    level = np.tile(np.array([0.0, 1.0, 0.0, 0.3], np.float32)[:, None], (50, 1, 1))
+    found = np.asarray(_nearest(jnp.asarray(bounds), jnp.asarray(level)))[:-1, 0]
+    np.testing.assert_allclose(found, 0.3 - corners[:-1, :5, :, 1].min((1, 2)), atol=2e-3)
 
 
 @pytest.mark.parametrize("kind", ["skinned", "rigid"])
