@@ -131,8 +131,8 @@ def drag_rigid(sizes: Sizes) -> float:
     magnitude = 3  # root, sum, product
     moments = 2 * 4 * 2  # four rows for forces and four for magnitudes: product and sum
     triangle = depths + share + through + factor + magnitude + moments
-    # a block: whether it is near the water 8; force 21, magnitude 2, moment 36, slope 1, turned to the world; sums 8
-    block = 8 + 21 + 2 + 36 + 1 + ROTATE + 8
+    # a block: whether it is near the water 16; force 21, magnitude 2, moment 36, slope 1, turned to the world; sums 8
+    block = 16 + 21 + 2 + 36 + 1 + ROTATE + 8
     # a joint: velocity 12 and spin 36 by difference; both and the vertical turned into its frame 68
     return sizes.triangles * triangle + sizes.blocks * block + sizes.joints * (12 + 36 + 68) + APPLIED
 
