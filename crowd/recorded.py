@@ -122,7 +122,8 @@ def open_recording(path: str | Path) -> Recording:
         raise fail(str(path), "no recording there (a folder written by `crowd run`, recording.zarr)") from error
     attributes: dict[str, Any] = dict(root.attrs)
     if attributes.get("format") != FORMAT:
-        raise fail(str(path), f"format {attributes.get('format')!r}, expected {FORMAT!r}")
+        found = f"format {attributes.get('format')!r}, expected {FORMAT!r}"
+        raise fail(str(path), f"{found}; a recording of another version can be made again by `crowd run`")
     frames = int(attributes["frames"])
     herds, described, first = {}, [], 0
     for name in attributes["herds"]:

@@ -22,7 +22,7 @@ import zarr
 from crowd.errors import fail
 from crowd.recorded_scene import HerdLike, SceneLike, levels_of, motions_of
 from crowd.recording_array import GrowingArray
-from crowd.recording_layout import FORMAT, GROUND, HERD, ROOT, SIZES, Column
+from crowd.recording_layout import FORMAT, GROUND, HERD, KIND, ROOT, SIZES, Column
 from crowd.recording_static import fixed, write_static
 from crowd.recording_water import WaterRecorder
 from crowd.scenario_herd import TAKEN_NAMES
@@ -248,7 +248,7 @@ def _refuse_foreign(path: Path) -> None:
         return
     if path.exists():
         try:
-            ours = zarr.open_group(str(path), mode="r").attrs.get("format") == FORMAT
+            ours = str(zarr.open_group(str(path), mode="r").attrs.get("format")).startswith(KIND)
         except (OSError, ValueError, KeyError):
             ours = False
         if not ours:

@@ -22,7 +22,8 @@ class Column:
 
 SIZES = {"component": 3, "quaternion": 4}
 LABELS = {"component": ("x", "y", "z"), "quaternion": ("w", "x", "y", "z")}
-FORMAT = "crowd-recording-2"
+KIND = "crowd-recording-"
+FORMAT = f"{KIND}2"
 GROUND = "_ground"  # group; no herd can have this name
 
 CHARACTER, VECTOR = ("character",), ("character", "component")

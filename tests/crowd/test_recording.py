@@ -178,6 +178,12 @@ def test_replaces_only_recordings(made_result, recorded, tmp_path):
         with Recorder(again, made_result.scene) as recorder:
             recorder.append(made_result.chunks(length)[0])
     assert len(open_recording(again).time) == 20
+    zarr.open_group(str(again), mode="r+").attrs["format"] = "crowd-recording-1"
+    with pytest.raises(InputError, match="of another version can be made again"):
+        open_recording(again)
+    with Recorder(again, made_result.scene) as recorder:
+        recorder.append(made_result.chunks(10)[0])
+    assert len(open_recording(again).time) == 10
 
 
 def test_herds_cannot_have_the_names_of_arrays() -> None:
