@@ -167,8 +167,10 @@ def _herd(name: str, group: zarr.Group, count: int) -> RecordedHerd:
         read("rest_translation"),
     )
     legs = tuple(
-        Leg(str(leg), *(int(j) for j in part[:4]), tuple(float(value) for value in offset), int(part[4]))  # type: ignore[arg-type]
-        for leg, part, offset in zip(read("leg"), read("leg_joint"), read("ball_offset"), strict=True)
+        Leg(str(leg), hip, knee, ankle, ball, (x, y, z), side)
+        for leg, (hip, knee, ankle, ball, side), (x, y, z) in zip(
+            read("leg"), read("leg_joint").tolist(), read("ball_offset").tolist(), strict=True
+        )
     )
     mesh = Mesh(
         read("mesh_vertex"), read("mesh_triangle"), read("mesh_joint"), read("mesh_weight"), read("inverse_bind")

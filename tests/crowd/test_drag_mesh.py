@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from crowd import scene
+from crowd import posing, scene
 from crowd.build import build
 from crowd.characters.mesh_cleaning import signed_volume
 from crowd.drag_error import _corners, _moments, _wrench, detail_notes, detail_rows, drag_error
 from crowd.drag_mesh import decimated
+from crowd.mesh_assets import blocks
 from crowd.scene import HerdScene, Scene
-from crowd.types import Mesh
+from crowd.types import Clip, Mesh
 from kernels.drag import Fluid
 from kernels.drag_skinned import skinned
 from tests.crowd.scenes import herd, scenario
@@ -142,3 +143,24 @@ def test_errors_are_told(wading: Scene) -> None:
     assert all(row.herd == "few" and row.unit == "%" for row in rows)
     assert 1.0 < rows[1].mean < 15.0
     assert rows[0].n > 400
+
+
+@pytest.mark.parametrize(("kind", "depth"), [("human", 0.5), ("dog", 0.24), ("hexapod", 0.16), ("spider", 0.16)])
+def test_blocks_that_get_wet_come_first(kind: str, depth: float) -> None:
+    """Up to the last block that comes under a level surface in the walk there are hardly any others."""
+    herd_ = scene.load(scenario([herd("one", kind, 1)])).herds[0]
+    bones, mesh = blocks(herd_)
+    walk = herd_.gaits[0]
+    turn, at = posing.world_transforms(
+        herd_.archetype.skeleton, posing.clip_motion(Clip("", "other", 1.0, walk.rotation, walk.translation))
+    )
+    corners = np.asarray(mesh.corners, float)[..., 0].transpose(2, 3, 0, 1)  # [blocks, size, 3 corners, 3]
+    real = (np.asarray(mesh.area) != 0).any((0, 3))  # [blocks, size]; the rest is padding
+    lowest = np.full(len(bones), np.inf)
+    for block in np.flatnonzero(real.any(1)):
+        bone, corner = bones[block], corners[block][real[block]]
+        height = at[:, None, None, bone, 1] + posing.rotate(turn[:, None, None, bone], corner)[..., 1]
+        lowest[block] = height.min()
+    wet = lowest < depth
+    assert 0 < wet.sum() < 0.6 * len(bones)
+    assert np.flatnonzero(wet).max() + 1 <= wet.sum() + 5

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray
 import zarr
 
 from crowd.errors import InputError
@@ -11,8 +12,6 @@ from crowd.recorded import open_recording
 from crowd.recording import Recorder
 from crowd.recording_layout import HERD, ROOT
 from tests.crowd.made_strides import KEYS, striding
-
-xarray = pytest.importorskip("xarray", reason="xarray is an extra")
 
 
 @pytest.fixture(scope="module")
